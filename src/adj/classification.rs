@@ -20,10 +20,10 @@ use adjsplat::volume::SlabSource;
 #[command(group(ArgGroup::new("visible")))]
 #[group(skip)]
 pub(super) struct ClassificationArguments {
-    /// Transfer function: a JSON file, or a preset: ct-bone, ct-skin, mr (T1 heads), or ct-angio (vessels that hold a
+    /// Transfer function: JSON, a file of it, or a preset: ct-bone, ct-skin, mr (T1 heads), or ct-angio (vessels that hold a
     /// contrast agent; without one, edges of bones look like vessels).
     /// ct-bone+1024 shifts the preset's values by 1024. A file has at most 65536 points and 16 MiB
-    #[arg(long, group = "visible", value_name = "FILE|PRESET")]
+    #[arg(long, group = "visible", value_name = "JSON|FILE|PRESET")]
     pub(super) tf: Option<String>,
     /// Surface where the volume has this value, two voxels thick (Levoy's isovalue contour)
     #[arg(long, group = "visible", value_name = "VALUE", allow_hyphen_values = true, value_parser = library(contour))]
@@ -157,6 +157,9 @@ pub(super) fn flag_of(suggestion: &Suggestion) -> String {
 
 /// Reads the transfer function in the file `name`, or else returns the preset of this name.
 fn named(name: &str) -> Result<TransferFunction> {
+    if name.trim_start().starts_with('{') {
+        return TransferFunction::from_json(name);
+    }
     let path = PathBuf::from(name);
     if path.exists() || path.extension().is_some_and(|e| e == "json" || e == "ctbl") {
         return TransferFunction::read(&path);

@@ -35,6 +35,8 @@ mod study;
 mod trim;
 mod values;
 mod verify;
+#[cfg(feature = "view")]
+mod view;
 
 use std::io::{Read as _, Write as _};
 use std::path::Path;
@@ -76,6 +78,8 @@ enum Command {
     Trim(Box<trim::Arguments>),
     Export(Box<export::Arguments>),
     Render(Box<render::Arguments>),
+    #[cfg(feature = "view")]
+    View(view::Arguments),
     Compare(compare::Arguments),
     Demo(demo::Arguments),
     #[cfg(feature = "gpu")]
@@ -113,6 +117,8 @@ fn run(command: &Command) -> Result<Answer> {
         Command::Trim(arguments) => trim::run(arguments),
         Command::Export(arguments) => export::run(arguments),
         Command::Render(arguments) => render::run(arguments),
+        #[cfg(feature = "view")]
+        Command::View(arguments) => view::run(arguments),
         Command::Compare(arguments) => compare::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),
         #[cfg(feature = "gpu")]

@@ -1,1 +1,61 @@
-//! The viewer of adjsplat, on the desktop and in the browser.
+//! The viewer of adjsplat: a window in which volumes are turned, cut and coloured.
+//!
+//! ```text
+//! open -> document (model, look, edits) -> draw (threads) -> app (view, overlay, panel, editor) -> save
+//! ```
+//!
+//! The interface never waits: files are opened, pictures drawn, voxels picked and pictures saved on threads.
+
+pub mod app;
+mod dialog;
+pub mod document;
+pub mod draw;
+pub mod editor;
+pub mod look;
+pub mod navigate;
+pub mod open;
+pub mod overlay;
+pub mod panel;
+pub mod pick;
+pub mod recent;
+pub mod save;
+pub mod theme;
+
+use std::path::PathBuf;
+
+use adjsplat::error::{Error, Result};
+
+use app::Viewer;
+use recent::RecentFiles;
+
+/// Opens a window that shows these files; returns when it is closed.
+///
+/// # Errors
+/// [`Error::Device`] if there is no display, or nothing that can draw a window.
+pub fn run(files: Vec<PathBuf>) -> Result<()> {
+    if !has_display() {
+        return Err(Error::device("there is no display to open a window on; draw pictures with adj render"));
+    }
+    let size = egui::vec2(1280.0, 800.0);
+    let viewport =
+        egui::ViewportBuilder::default().with_title("adjsplat").with_inner_size(size).with_app_id("adjsplat");
+    let options = eframe::NativeOptions { viewport, ..Default::default() };
+    let create: eframe::AppCreator<'_> =
+        Box::new(move |creation| Ok(Box::new(Window(Viewer::new(&creation.egui_ctx, &files, RecentFiles::of_user())))));
+    eframe::run_native("adjsplat", options, create)
+        .map_err(|fault| Error::device(format!("cannot open a window: {fault}; draw pictures with adj render")))
+}
+
+struct Window(Viewer);
+
+impl eframe::App for Window {
+    fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
+        self.0.show(ui);
+    }
+}
+
+/// Returns whether windows can be opened; on other systems than Linux they always can.
+fn has_display() -> bool {
+    let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    !cfg!(target_os = "linux") || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
+}

@@ -1,6 +1,6 @@
 //! The flags for where the camera is: `--azimuth`, `--camera` and others.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use clap::Args;
 
@@ -34,9 +34,9 @@ pub(super) struct ViewArguments {
     /// Draw in perspective, with this vertical angle of view (above 0, below 180); parallel by default
     #[arg(long, value_name = "DEGREES", allow_hyphen_values = true)]
     perspective: Option<f64>,
-    /// Camera in world coordinates, as a JSON file: position, target, up, and fov or height
-    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["azimuth", "elevation", "up", "zoom", "perspective"])]
-    camera: Option<PathBuf>,
+    /// Camera in world coordinates, as JSON or a file of it: position, target, up, and fov or height
+    #[arg(long, value_name = "JSON|FILE", conflicts_with_all = ["azimuth", "elevation", "up", "zoom", "perspective"])]
+    camera: Option<String>,
     /// Frames of a full turn around the vertical, 1 to 100000: numbered files, or one .apng
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = number(1..=100_000u32))]
     pub(super) frames: u32,
@@ -51,14 +51,17 @@ pub(super) struct ViewArguments {
 
 /// Returns the camera of every frame: all frame `outline` at one scale, or are the one of `--camera`.
 pub(super) fn cameras(view: &ViewArguments, outline: &Outline, size: [u32; 2]) -> Result<Vec<Camera>> {
-    if let Some(path) = &view.camera {
+    if let Some(camera) = &view.camera {
         if view.frames > 1 {
             return Err(Error::input("--camera", "is one view; leave out --frames, or use --azimuth and --elevation"));
         }
-        let text = read_text(path, CAMERA_BYTES)?;
-        let camera =
-            serde_json::from_str(&text).map_err(|fault| Error::input(path.display().to_string(), fault.to_string()))?;
-        return Ok(vec![camera]);
+        let (text, name) = match camera.trim_start().starts_with('{') {
+            true => (camera.clone(), "--camera"),
+            false => (read_text(Path::new(camera), CAMERA_BYTES)?, camera.as_str()),
+        };
+        return serde_json::from_str(&text)
+            .map(|camera| vec![camera])
+            .map_err(|fault| Error::input(name, fault.to_string()));
     }
     let orbit = |frame_index| Orbit {
         azimuth: view.azimuth + 360.0 * f64::from(frame_index) / f64::from(view.frames),

@@ -1,0 +1,27 @@
+//! `adj view`: shows files in a window.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::Answer;
+use adjsplat::error::{Error, Result};
+
+/// Show .adj files or volumes in a window: turn, cut, colour and measure them, and save pictures
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  adj view head.adj\n  adj view ct-series/ mask.nrrd\nWithout a display, draw with adj render."
+)]
+pub(super) struct Arguments {
+    /// .adj files, or volumes that adj build reads; none opens an empty window
+    #[arg(value_name = "IN")]
+    input: Vec<PathBuf>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
+    for path in &arguments.input {
+        std::fs::metadata(path).map_err(Error::io("open", path))?;
+    }
+    adjsplat_view::run(arguments.input.clone())?;
+    Ok(Answer::Yes)
+}

@@ -1,0 +1,136 @@
+//! An open file: the model, what is looked at, and the edits of its transfer function.
+
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, channel};
+
+use adjsplat::Model;
+use adjsplat::error::Result;
+use egui::Context;
+
+use crate::draw::Painter;
+use crate::editor::ui::EditorState;
+use crate::editor::{Edited, History, StoredValues};
+use crate::look::{Eye, Look};
+use crate::navigate::Motion;
+use crate::open::Opened;
+use crate::pick::{Picked, pick};
+
+/// An open file.
+pub struct Document {
+    /// The name on the tab.
+    pub title: String,
+    /// The file that the model lies in; of a volume, the volume's.
+    pub path: Option<PathBuf>,
+    /// Whether `path` is an .adj file.
+    pub is_adj: bool,
+    /// The model with the transfer function that is drawn.
+    pub model: Model,
+    /// How often each value is stored.
+    pub stored: StoredValues,
+    /// What is shown.
+    pub look: Look,
+    /// The transfer function and its earlier states.
+    pub edits: History<Edited>,
+    /// The state before the change that goes on.
+    pub before_change: Option<Edited>,
+    /// What the editor remembers.
+    pub editor: EditorState,
+    /// Values that the function shows and the file does not store.
+    pub missing: Vec<[f64; 2]>,
+    /// Draws the view.
+    pub painter: Painter,
+    /// How the view moves.
+    pub motion: Motion,
+    /// The face of the crop box that is dragged.
+    pub held_face: Option<usize>,
+    /// The voxel that was clicked.
+    pub picked: Option<Picked>,
+    /// A line about the last click or change that has no other place.
+    pub note: Option<String>,
+    picking: Option<Receiver<Result<Option<Picked>>>>,
+    /// Counts changes of the model.
+    version: u64,
+}
+
+impl Document {
+    /// Begins to show what was opened, over a background of this colour.
+    ///
+    /// # Errors
+    /// The errors of [`Look::first`].
+    pub fn new(context: &Context, opened: Opened, background: [u8; 3]) -> Result<Document> {
+        let Opened { title, path, is_adj, model, stored } = opened;
+        let look = Look::first(&model, background, [800, 800])?;
+        let edited = Edited::of(model.transfer(), &stored);
+        Ok(Document {
+            title,
+            path,
+            is_adj,
+            model,
+            stored,
+            look,
+            edits: History::new(edited),
+            before_change: None,
+            editor: EditorState::default(),
+            missing: Vec::new(),
+            painter: Painter::new(context),
+            motion: Motion::default(),
+            held_face: None,
+            picked: None,
+            note: None,
+            picking: None,
+            version: 0,
+        })
+    }
+
+    /// Returns the number of changes of the model.
+    pub fn version(&self) -> u64 {
+        self.version
+    }
+
+    /// Draws with the transfer function that the editor holds.
+    pub fn apply(&mut self) {
+        let changed = self.edits.now.transfer().and_then(|transfer| {
+            let missing = self.model.missing_values(&transfer)?;
+            Ok((self.model.with_transfer(transfer)?, missing))
+        });
+        match changed {
+            Ok((model, missing)) => {
+                (self.model, self.missing, self.note) = (model, missing, None);
+                self.version += 1;
+            }
+            Err(fault) => self.note = Some(fault.to_string()),
+        }
+    }
+
+    /// Looks for the voxel on a ray, in the background.
+    pub fn begin_pick(&mut self, context: &Context, origin: glam::DVec3, direction: glam::DVec3) {
+        let (sender, receiver) = channel();
+        let (model, look, context) = (self.model.clone(), self.look.clone(), context.clone());
+        std::thread::spawn(move || {
+            // Nobody receives if the document was closed.
+            let _ = sender.send(pick(&model, &look, origin, direction));
+            context.request_repaint();
+        });
+        self.picking = Some(receiver);
+    }
+
+    /// Takes the voxel that was found.
+    pub fn finish_pick(&mut self) {
+        let Some(found) = self.picking.as_ref().and_then(|picking| picking.try_recv().ok()) else { return };
+        self.picking = None;
+        match found {
+            Ok(picked) => self.picked = picked,
+            Err(fault) => self.note = Some(fault.to_string()),
+        }
+    }
+
+    /// Shows everything again, from the side where the eye is.
+    pub fn fit(&mut self, size: [u32; 2]) {
+        let Eye { azimuth, elevation, up, fov, .. } = self.look.eye;
+        let side = crate::look::Side { name: "", azimuth, elevation };
+        match Eye::around(&self.model, side, up, fov, size) {
+            Ok(eye) => self.look.eye = eye,
+            Err(fault) => self.note = Some(fault.to_string()),
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! Picking: the front-most voxel that a place of the picture shows.
+
+use adjsplat::Model;
+use adjsplat::error::Result;
+use adjsplat::splat::WorldFrame;
+use adjsplat::traverse::Viewpoint;
+use glam::DVec3;
+
+use crate::look::{Eye, Look};
+
+/// A ray hits a voxel whose centre is at most this far from it, in voxels.
+const RADIUS: f64 = 0.75;
+/// Voxels count from this opacity on, or where the opacities on the ray add up to it.
+const SEEN: f64 = 0.5;
+
+/// A voxel that was picked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Picked {
+    /// The indices x, y, z.
+    pub index: [u16; 3],
+    /// The world position of its centre.
+    pub world: DVec3,
+    /// The value.
+    pub value: f64,
+}
+
+/// Returns the voxel that is seen on a ray from `origin` along `direction`, in the world; `None` if there is none.
+///
+/// It is the first that makes the ray half opaque, or else the most opaque one. Takes as long as a walk over all voxels.
+///
+/// # Errors
+/// The errors of [`Model::walk`].
+pub fn pick(model: &Model, look: &Look, origin: DVec3, direction: DVec3) -> Result<Option<Picked>> {
+    let frame = WorldFrame::of(model.grid());
+    let start = DVec3::from_array(frame.voxel_from_world_vector(origin - frame.origin));
+    let along = DVec3::from_array(frame.voxel_from_world_vector(direction));
+    let (length, along) = (along.length(), along.normalize());
+    let viewpoint = viewpoint(&look.eye, start, along)?;
+    let clip = look.clip.map(|clip| clip.plane(model.grid()));
+    let (mut light, mut best, mut found) = (1.0, 0.0, None);
+    let transfer = model.transfer();
+    model.walk(&viewpoint, |voxels| {
+        if light <= 1.0 - SEEN {
+            return;
+        }
+        for at in 0..voxels.len() {
+            let index = voxels.position(at);
+            let from = DVec3::from_array(index.map(f64::from)) - start;
+            let ahead = from.dot(along);
+            if look.eye.fov.is_some() && ahead < 0.0 || (from - along * ahead).length_squared() > RADIUS * RADIUS {
+                continue;
+            }
+            let world = frame.world_from_voxel(index.map(f64::from));
+            let is_cropped =
+                look.crop.is_some_and(|crop| (0..3).any(|a| index[a] < crop.low[a] || index[a] > crop.high[a]));
+            let is_clipped = clip.is_some_and(|plane| {
+                (world - DVec3::from_array(plane.point)).dot(DVec3::from_array(plane.normal)) < 0.0
+            });
+            let value = voxels.value(at);
+            // Gradients are not known here: as steep as can be.
+            let opacity = transfer.opacity(value, f64::MAX);
+            if is_cropped || is_clipped || opacity <= 0.0 || light <= 1.0 - SEEN {
+                continue;
+            }
+            light *= 1.0 - opacity;
+            if opacity > best || light <= 1.0 - SEEN {
+                best = opacity;
+                found = Some(Picked { index, world, value });
+            }
+        }
+    })?;
+    debug_assert!(length > 0.0, "a direction has a length in voxels");
+    Ok(found)
+}
+
+fn viewpoint(eye: &Eye, start: DVec3, along: DVec3) -> Result<Viewpoint> {
+    match eye.fov {
+        None => Viewpoint::parallel(along.to_array()),
+        Some(_) => Viewpoint::perspective(start.to_array(), along.to_array()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::look::SIDES;
+    use adjsplat::splat::Up;
+    use adjsplat::{Build, TransferFunction, Volume};
+
+    #[test]
+    fn the_nearest_voxel_on_the_ray_is_picked() {
+        let mut samples = vec![0u8; 20 * 20 * 20];
+        let at = |x: usize, y: usize, z: usize| (z * 20 + y) * 20 + x;
+        samples[at(5, 4, 9)] = 100;
+        samples[at(5, 15, 9)] = 200;
+        let volume = Volume::new([20, 20, 20], samples).unwrap().with_spacing([1.0, 2.0, 1.5]).unwrap();
+        let model = Build::new(TransferFunction::range(50.0, 250.0).unwrap()).run(&volume).unwrap();
+        for (side, want) in [(SIDES[0], ([5, 15, 9], 200.0)), (SIDES[1], ([5, 4, 9], 100.0))] {
+            for fov in [None, Some(30.0)] {
+                let eye = Eye::around(&model, side, Up::default(), fov, [100, 100]).unwrap();
+                let look = Look { eye, ..Look::first(&model, [0; 3], [100, 100]).unwrap() };
+                let target = DVec3::new(5.2, f64::from(want.0[1]) * 2.0, 13.6);
+                let (origin, direction) = match fov {
+                    None => (target - eye.axes()[2] * 100.0, eye.axes()[2]),
+                    Some(_) => (eye.position(), (target - eye.position()).normalize()),
+                };
+                let picked = pick(&model, &look, origin, direction).unwrap().unwrap();
+                assert_eq!((picked.index, picked.value), want, "{side:?} {fov:?}");
+                let beside = origin + eye.axes()[0] * 4.0;
+                assert_eq!(pick(&model, &look, beside, direction).unwrap(), None);
+            }
+        }
+    }
+}

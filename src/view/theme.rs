@@ -1,0 +1,54 @@
+//! Colours and distances of the interface, dark and light.
+
+use egui::{Color32, Context, CornerRadius, Stroke, Theme, Visuals, vec2};
+
+/// Sets the look of the interface.
+pub fn apply(context: &Context) {
+    context.set_visuals_of(Theme::Dark, dark());
+    context.set_visuals_of(Theme::Light, light());
+    for theme in [Theme::Dark, Theme::Light] {
+        context.style_mut_of(theme, |style| {
+            style.spacing.item_spacing = vec2(8.0, 6.0);
+            style.spacing.button_padding = vec2(8.0, 4.0);
+            style.spacing.interact_size.y = 24.0;
+            style.spacing.slider_width = 130.0;
+            style.spacing.combo_width = 130.0;
+        });
+    }
+}
+
+/// Returns the colour behind a volume in this theme, sRGB.
+pub fn background(is_dark: bool) -> [u8; 3] {
+    if is_dark { [18, 20, 24] } else { [255, 255, 255] }
+}
+
+fn dark() -> Visuals {
+    let mut visuals = Visuals::dark();
+    visuals.panel_fill = Color32::from_rgb(30, 33, 39);
+    visuals.window_fill = visuals.panel_fill;
+    visuals.extreme_bg_color = Color32::from_rgb(18, 20, 24);
+    visuals.override_text_color = Some(Color32::from_rgb(222, 226, 232));
+    visuals.selection.bg_fill = Color32::from_rgb(38, 92, 138);
+    visuals.selection.stroke = Stroke::new(1.0, Color32::from_rgb(128, 192, 240));
+    rounded(visuals)
+}
+
+fn light() -> Visuals {
+    let mut visuals = Visuals::light();
+    visuals.panel_fill = Color32::from_rgb(244, 245, 247);
+    visuals.window_fill = visuals.panel_fill;
+    visuals.extreme_bg_color = Color32::WHITE;
+    visuals.override_text_color = Some(Color32::from_rgb(34, 38, 44));
+    visuals.warn_fg_color = Color32::from_rgb(168, 84, 0);
+    visuals.selection.bg_fill = Color32::from_rgb(190, 219, 244);
+    visuals.selection.stroke = Stroke::new(1.0, Color32::from_rgb(16, 84, 140));
+    rounded(visuals)
+}
+
+fn rounded(mut visuals: Visuals) -> Visuals {
+    let widgets = &mut visuals.widgets;
+    for widget in [&mut widgets.noninteractive, &mut widgets.inactive, &mut widgets.hovered, &mut widgets.active] {
+        widget.corner_radius = CornerRadius::same(4);
+    }
+    visuals
+}
