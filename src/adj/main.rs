@@ -35,7 +35,6 @@ mod study;
 mod trim;
 mod values;
 mod verify;
-#[cfg(feature = "view")]
 mod view;
 
 use std::io::{Read as _, Write as _};
@@ -78,7 +77,6 @@ enum Command {
     Trim(Box<trim::Arguments>),
     Export(Box<export::Arguments>),
     Render(Box<render::Arguments>),
-    #[cfg(feature = "view")]
     View(view::Arguments),
     Compare(compare::Arguments),
     Demo(demo::Arguments),
@@ -97,7 +95,10 @@ fn main() -> ExitCode {
     };
     #[cfg(unix)]
     cut_file::catch_cut_files();
-    progress::catch_interrupts();
+    // A window has nothing to finish: it closes at once.
+    if !matches!(cli.command, Command::View(_)) {
+        progress::catch_interrupts();
+    }
     match run(&cli.command) {
         Ok(Answer::Yes) => ExitCode::SUCCESS,
         Ok(Answer::No) => ExitCode::from(1),
@@ -117,7 +118,6 @@ fn run(command: &Command) -> Result<Answer> {
         Command::Trim(arguments) => trim::run(arguments),
         Command::Export(arguments) => export::run(arguments),
         Command::Render(arguments) => render::run(arguments),
-        #[cfg(feature = "view")]
         Command::View(arguments) => view::run(arguments),
         Command::Compare(arguments) => compare::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),

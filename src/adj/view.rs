@@ -22,6 +22,18 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     for path in &arguments.input {
         std::fs::metadata(path).map_err(Error::io("open", path))?;
     }
-    adjsplat_view::run(arguments.input.clone())?;
-    Ok(Answer::Yes)
+    show(&arguments.input)
+}
+
+#[cfg(feature = "view")]
+fn show(files: &[PathBuf]) -> Result<Answer> {
+    adjsplat_view::run(files.to_vec()).map(|()| Answer::Yes)
+}
+
+#[cfg(not(feature = "view"))]
+fn show(_: &[PathBuf]) -> Result<Answer> {
+    Err(Error::input(
+        "adj view",
+        "was left out of this program; build it with --features view, or draw with adj render",
+    ))
 }

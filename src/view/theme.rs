@@ -1,6 +1,6 @@
 //! Colours and distances of the interface, dark and light.
 
-use egui::{Color32, Context, CornerRadius, Stroke, Theme, Visuals, vec2};
+use egui::{Color32, Context, CornerRadius, Stroke, TextStyle, Theme, Visuals, vec2};
 
 /// Sets the look of the interface.
 pub fn apply(context: &Context) {
@@ -13,6 +13,9 @@ pub fn apply(context: &Context) {
             style.spacing.interact_size.y = 24.0;
             style.spacing.slider_width = 130.0;
             style.spacing.combo_width = 130.0;
+            for (text, size) in [(TextStyle::Small, 11.5), (TextStyle::Monospace, 12.5)] {
+                style.text_styles.entry(text).and_modify(|font| font.size = size);
+            }
         });
     }
 }

@@ -279,10 +279,10 @@ fn selected_point(ui: &mut Ui, list: &mut PointList, state: &mut EditorState, wi
     let mut change = Change::None;
     ui.horizontal_wrapped(|ui| {
         let mut point = list.points()[index];
-        let value = ui.add(DragValue::new(&mut point.value).speed(width / 400.0).max_decimals(6).prefix("value "));
+        let value = ui.add(DragValue::new(&mut point.value).speed(width / 400.0).max_decimals(3).prefix("value "));
         let opacity =
             ui.add(DragValue::new(&mut point.opacity).speed(0.005).range(0.0..=1.0).max_decimals(3).prefix("opacity "));
-        let colour = ui.color_edit_button_srgb(&mut point.colour);
+        let colour = ui.color_edit_button_srgb(&mut point.colour).on_hover_text("Colour of the point");
         if value.changed() || opacity.changed() {
             list.move_point(index, point.value, point.opacity);
         }
@@ -369,19 +369,20 @@ fn labels(ui: &mut Ui, table: &mut LabelTable, state: &mut EditorState) -> Chang
 
 fn label_row(ui: &mut Ui, table: &mut LabelTable, index: usize) -> Change {
     let row = &mut table.rows[index];
-    let mut change = Change::of(&ui.checkbox(&mut row.is_visible, ""));
-    change = change.and(Change::of(&ui.color_edit_button_srgb(&mut row.colour)));
-    let opacity = DragValue::new(&mut row.opacity).speed(0.005).range(0.004..=1.0).max_decimals(2);
-    change = change.and(Change::of(&ui.add(opacity)));
+    let check = ui.checkbox(&mut row.is_visible, "");
+    let colour = ui.color_edit_button_srgb(&mut row.colour);
+    let opacity = ui.add(DragValue::new(&mut row.opacity).speed(0.005).range(0.004..=1.0).max_decimals(2));
     let text =
         if row.name == row.label.to_string() { row.name.clone() } else { format!("{}  {}", row.label, row.name) };
     let name = ui.add(egui::Label::new(text).truncate().sense(Sense::click()));
     let name = name.on_hover_text(format!("{} voxels; double-click shows only this label", row.voxels));
-    if name.double_clicked() {
-        table.show_only(index);
-        change = Change::Done;
+    let changes = [check, colour, opacity].map(|part| Change::of(&part.labelled_by(name.id)));
+    let change = changes.into_iter().fold(Change::None, Change::and);
+    if !name.double_clicked() {
+        return change;
     }
-    change
+    table.show_only(index);
+    Change::Done
 }
 
 /// Returns a number in as few digits as tell it well.
