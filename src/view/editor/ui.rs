@@ -4,7 +4,7 @@ use adjsplat::TransferFunction;
 use adjsplat::classify::PRESETS;
 use egui::{
     Align2, Color32, ComboBox, DragValue, FontId, Grid, Key, PointerButton, Pos2, Rect, Response, Role, ScrollArea,
-    Sense, Shape, Stroke, TextEdit, Ui, Vec2, WidgetInfo, pos2, vec2,
+    Sense, Shape, Stroke, TextEdit, Ui, WidgetInfo, pos2, vec2,
 };
 
 use super::points::GradientRamp;
@@ -283,6 +283,9 @@ fn selected_point(ui: &mut Ui, list: &mut PointList, state: &mut EditorState, wi
         let opacity =
             ui.add(DragValue::new(&mut point.opacity).speed(0.005).range(0.0..=1.0).max_decimals(3).prefix("opacity "));
         let colour = ui.color_edit_button_srgb(&mut point.colour);
+        name(&value, "Value of the point");
+        name(&opacity, "Opacity of the point");
+        name(&colour, "Colour of the point");
         if value.changed() || opacity.changed() {
             list.move_point(index, point.value, point.opacity);
         }
@@ -337,7 +340,7 @@ fn labels(ui: &mut Ui, table: &mut LabelTable, state: &mut EditorState) -> Chang
     let mut change = Change::None;
     ui.horizontal(|ui| {
         let search = TextEdit::singleline(&mut state.search).hint_text("Search labels").desired_width(120.0);
-        ui.add(search);
+        name(&ui.add(search), "Search labels");
         for (name, is_visible) in [("Show all", true), ("Hide all", false)] {
             if ui.button(name).clicked() {
                 let found = table.matching(&state.search);
@@ -369,19 +372,29 @@ fn labels(ui: &mut Ui, table: &mut LabelTable, state: &mut EditorState) -> Chang
 
 fn label_row(ui: &mut Ui, table: &mut LabelTable, index: usize) -> Change {
     let row = &mut table.rows[index];
-    let mut change = Change::of(&ui.checkbox(&mut row.is_visible, ""));
-    change = change.and(Change::of(&ui.color_edit_button_srgb(&mut row.colour)));
-    let opacity = DragValue::new(&mut row.opacity).speed(0.005).range(0.004..=1.0).max_decimals(2);
-    change = change.and(Change::of(&ui.add(opacity)));
     let text =
         if row.name == row.label.to_string() { row.name.clone() } else { format!("{}  {}", row.label, row.name) };
-    let name = ui.add(egui::Label::new(text).truncate().sense(Sense::click()));
-    let name = name.on_hover_text(format!("{} voxels; double-click shows only this label", row.voxels));
-    if name.double_clicked() {
+    let shown = ui.checkbox(&mut row.is_visible, "");
+    let colour = ui.color_edit_button_srgb(&mut row.colour);
+    let opacity = DragValue::new(&mut row.opacity).speed(0.005).range(0.004..=1.0).max_decimals(2);
+    let opacity = ui.add(opacity);
+    name(&shown, format!("Show {}", row.name));
+    name(&colour, format!("Colour of {}", row.name));
+    name(&opacity, format!("Opacity of {}", row.name));
+    let mut change = [shown, colour, opacity].iter().map(Change::of).fold(Change::None, Change::and);
+    let title = ui.add(egui::Label::new(text).truncate().sense(Sense::click()));
+    let title = title.on_hover_text(format!("{} voxels; double-click shows only this label", row.voxels));
+    if title.double_clicked() {
         table.show_only(index);
         change = Change::Done;
     }
     change
+}
+
+/// Gives a widget the name that screen readers say.
+fn name(widget: &Response, text: impl Into<String>) {
+    let text = text.into();
+    widget.ctx.accesskit_node_builder(widget.id, |node| node.set_label(text));
 }
 
 /// Returns a number in as few digits as tell it well.
@@ -408,6 +421,3 @@ pub fn choose<T: PartialEq + Copy>(ui: &mut Ui, name: &str, value: &mut T, all: 
     });
     *value != before
 }
-
-/// The size of the histogram for tests that point at it.
-pub const HISTOGRAM_SIZE: Vec2 = Vec2::new(300.0, HEIGHTS[0]);
