@@ -111,6 +111,7 @@ impl Painter {
             self.look_index += 1;
             self.changed_at = time;
             self.asked_quality = Quality::Draft;
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "no larger than the view")]
             let coarse = size.map(|side| ((f64::from(side) / self.coarseness) as u32).max(1));
             self.draft.ask(self.request(model, look, coarse, Quality::Draft));
         }
@@ -126,7 +127,8 @@ impl Painter {
             self.asked_quality = next;
             self.finer.ask(self.request(model, look, size, next));
         } else {
-            self.context.request_repaint_after_secs((rest - rested).max(0.01) as f32);
+            let left = std::time::Duration::from_secs_f64((rest - rested).max(0.01));
+            self.context.request_repaint_after(left);
         }
         self.texture.as_ref()
     }

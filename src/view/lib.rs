@@ -31,10 +31,10 @@ use recent::RecentFiles;
 /// Opens a window that shows these files; returns when it is closed.
 ///
 /// # Errors
-/// [`Error::Device`] if there is no display, or nothing that can draw a window.
+/// [`Error::Input`] if there is no display; [`Error::Device`] if there is nothing that can draw a window.
 pub fn run(files: Vec<PathBuf>) -> Result<()> {
     if !has_display() {
-        return Err(Error::device("there is no display to open a window on; draw pictures with adj render"));
+        return Err(Error::input("display", "is missing, so that no window can open; draw pictures with adj render"));
     }
     let size = egui::vec2(1280.0, 800.0);
     let viewport =

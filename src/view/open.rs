@@ -116,7 +116,7 @@ impl Observer for Watch<'_> {
         };
         self.progress.phase.store(phase, Ordering::Relaxed);
         self.progress.done.store(1000 * done / total.max(1), Ordering::Relaxed);
-        self.context.request_repaint_after_secs(0.05);
+        self.context.request_repaint_after(std::time::Duration::from_millis(50));
         match self.progress.is_cancelled.load(Ordering::Relaxed) {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),

@@ -32,6 +32,8 @@ pub struct LabelTable {
     /// Whether voxels are lit.
     pub is_shaded: bool,
     reference_length: Option<f64>,
+    /// How the JSON says that other labels look.
+    others: Value,
 }
 
 impl LabelTable {
@@ -73,7 +75,7 @@ impl LabelTable {
         }
         rows.sort_by_key(|row| row.label);
         let reference_length = document["reference_length"].as_f64();
-        LabelTable { rows, is_shaded: transfer.shaded(), reference_length }
+        LabelTable { rows, is_shaded: transfer.shaded(), reference_length, others: document["others"].clone() }
     }
 
     /// Returns the indices of the rows whose name or number contains `text`, whatever the case.
@@ -106,6 +108,9 @@ impl LabelTable {
         if let Some(length) = self.reference_length {
             document["reference_length"] = json!(length);
         }
+        if !self.others.is_null() {
+            document["others"] = self.others.clone();
+        }
         TransferFunction::from_json(&document.to_string())
     }
 }
@@ -127,7 +132,8 @@ mod tests {
         let rows: Vec<_> = table.rows.iter().map(|row| (row.label, row.voxels, row.is_visible)).collect();
         assert_eq!(rows, [(2, 4, true), (3, 9, true), (5, 5, true), (7, 0, false)]);
         let palette = table.transfer().unwrap();
-        assert_eq!([2.0, 3.0, 5.0, 7.0].map(|label| palette.opacity(label, 0.0)), [1.0, 0.5, 1.0, 0.0]);
+        // In another file, label 9 keeps a colour of its own.
+        assert_eq!([2.0, 3.0, 5.0, 7.0, 9.0].map(|label| palette.opacity(label, 0.0)), [1.0, 0.5, 1.0, 0.0, 1.0]);
     }
 
     #[test]

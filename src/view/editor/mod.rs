@@ -8,6 +8,8 @@ pub mod labels;
 pub mod maps;
 pub mod points;
 pub mod ui;
+#[cfg(test)]
+mod ui_tests;
 
 use adjsplat::Model;
 use adjsplat::TransferFunction;

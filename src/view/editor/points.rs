@@ -111,13 +111,26 @@ impl PointList {
     }
 
     /// Moves a point; it stays between its neighbours, and its opacity between 0 and 1.
+    ///
+    /// At most two points share a value, which is a jump: a third stays beside them.
     pub fn move_point(&mut self, index: usize, value: f64, opacity: f64) {
-        let before = index.checked_sub(1).map_or(f64::NEG_INFINITY, |before| self.points[before].value);
-        let after = self.points.get(index + 1).map_or(f64::INFINITY, |after| after.value);
-        if value.is_finite() {
-            self.points[index].value = value.clamp(before, after);
+        let value_of = |index: Option<usize>| index.and_then(|index| self.points.get(index)).map(|point| point.value);
+        let (before, after) = (value_of(index.checked_sub(1)), value_of(Some(index + 1)));
+        let is_jump = |near: Option<f64>, far: Option<usize>| near.is_some() && near == value_of(far);
+        let gap = self.least_gap();
+        let low =
+            before.map_or(f64::NEG_INFINITY, |low| low + if is_jump(before, index.checked_sub(2)) { gap } else { 0.0 });
+        let high = after.map_or(f64::INFINITY, |high| high - if is_jump(after, Some(index + 2)) { gap } else { 0.0 });
+        if value.is_finite() && low <= high {
+            self.points[index].value = value.clamp(low, high);
         }
         self.points[index].opacity = if opacity.is_nan() { 0.0 } else { opacity.clamp(0.0, 1.0) };
+    }
+
+    /// Returns a difference of values that is too small to see and survives being written as text.
+    fn least_gap(&self) -> f64 {
+        let largest = self.points.iter().map(|point| point.value.abs()).fold(0.0, f64::max);
+        (1e-12 * largest).max(f64::MIN_POSITIVE)
     }
 
     /// Sets the colour of a point.
@@ -126,8 +139,13 @@ impl PointList {
     }
 
     /// Adds a point of the colour that the function has there, and returns its index.
+    ///
+    /// Where two points share this value already, none is added, and the index is the first one's.
     pub fn add(&mut self, value: f64, opacity: f64) -> usize {
         let index = self.points.partition_point(|point| point.value < value);
+        if self.points[index..].iter().take_while(|point| point.value == value).count() >= 2 {
+            return index;
+        }
         let colour = self.colour(value);
         self.points.insert(index, EditPoint { value, colour, opacity: opacity.clamp(0.0, 1.0) });
         index
@@ -265,6 +283,21 @@ mod tests {
         list.move_point(1, f64::NAN, f64::NAN);
         assert_eq!((list.points()[1].value, list.points()[1].opacity), (210.0, 0.0));
         assert!(list.transfer().is_ok());
+    }
+
+    #[test]
+    fn a_third_point_dragged_onto_a_jump_keeps_the_function_valid() {
+        for to in [210.0, 1e9] {
+            let mut list = PointList::ramp(&stored());
+            list.move_point(1, 210.0, 0.5);
+            list.move_point(0, to, 0.5);
+            assert!(list.points()[0].value > 209.999 && list.transfer().is_ok());
+        }
+        let mut list = PointList::ramp(&stored());
+        list.move_point(1, 10.0, 0.5);
+        list.move_point(2, -1e9, 0.5);
+        assert!(list.points()[2].value < 10.001 && list.transfer().is_ok());
+        assert_eq!((list.add(10.0, 0.2), list.points().len()), (0, 3));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use adjsplat::TransferFunction;
 use adjsplat::classify::PRESETS;
 use egui::{
     Align2, Color32, ComboBox, DragValue, FontId, Grid, Key, PointerButton, Pos2, Rect, Response, Role, ScrollArea,
-    Sense, Shape, Stroke, TextEdit, Ui, Vec2, WidgetInfo, pos2, vec2,
+    Sense, Shape, Stroke, TextEdit, Ui, WidgetInfo, pos2, vec2,
 };
 
 use super::points::GradientRamp;
@@ -139,7 +139,7 @@ fn gradient(ui: &mut Ui, list: &mut PointList) -> Change {
             let most = *to;
             change = change.and(Change::of(&ui.add(DragValue::new(from).speed(speed).range(0.0..=most).prefix("from "))));
             let least = *from;
-            change = change.and(Change::of(&ui.add(DragValue::new(to).speed(speed).range(least..=f64::MAX).prefix("to "))));
+            change = change.and(Change::of(&ui.add(DragValue::new(to).speed(speed).range(least..=1e100).prefix("to "))));
             if *to <= *from {
                 *to = *from + 1e-9_f64.max(*from * 1e-6);
             }
@@ -282,7 +282,10 @@ fn selected_point(ui: &mut Ui, list: &mut PointList, state: &mut EditorState, wi
         let value = ui.add(DragValue::new(&mut point.value).speed(width / 400.0).max_decimals(3).prefix("value "));
         let opacity =
             ui.add(DragValue::new(&mut point.opacity).speed(0.005).range(0.0..=1.0).max_decimals(3).prefix("opacity "));
-        let colour = ui.color_edit_button_srgb(&mut point.colour).on_hover_text("Colour of the point");
+        let colour = ui.color_edit_button_srgb(&mut point.colour);
+        name(&value, "Value of the point");
+        name(&opacity, "Opacity of the point");
+        name(&colour, "Colour of the point");
         if value.changed() || opacity.changed() {
             list.move_point(index, point.value, point.opacity);
         }
@@ -337,7 +340,7 @@ fn labels(ui: &mut Ui, table: &mut LabelTable, state: &mut EditorState) -> Chang
     let mut change = Change::None;
     ui.horizontal(|ui| {
         let search = TextEdit::singleline(&mut state.search).hint_text("Search labels").desired_width(120.0);
-        ui.add(search);
+        name(&ui.add(search), "Search labels");
         for (name, is_visible) in [("Show all", true), ("Hide all", false)] {
             if ui.button(name).clicked() {
                 let found = table.matching(&state.search);
@@ -369,20 +372,29 @@ fn labels(ui: &mut Ui, table: &mut LabelTable, state: &mut EditorState) -> Chang
 
 fn label_row(ui: &mut Ui, table: &mut LabelTable, index: usize) -> Change {
     let row = &mut table.rows[index];
-    let check = ui.checkbox(&mut row.is_visible, "");
-    let colour = ui.color_edit_button_srgb(&mut row.colour);
-    let opacity = ui.add(DragValue::new(&mut row.opacity).speed(0.005).range(0.004..=1.0).max_decimals(2));
     let text =
         if row.name == row.label.to_string() { row.name.clone() } else { format!("{}  {}", row.label, row.name) };
-    let name = ui.add(egui::Label::new(text).truncate().sense(Sense::click()));
-    let name = name.on_hover_text(format!("{} voxels; double-click shows only this label", row.voxels));
-    let changes = [check, colour, opacity].map(|part| Change::of(&part.labelled_by(name.id)));
-    let change = changes.into_iter().fold(Change::None, Change::and);
-    if !name.double_clicked() {
-        return change;
+    let shown = ui.checkbox(&mut row.is_visible, "");
+    let colour = ui.color_edit_button_srgb(&mut row.colour);
+    let opacity = DragValue::new(&mut row.opacity).speed(0.005).range(0.004..=1.0).max_decimals(2);
+    let opacity = ui.add(opacity);
+    name(&shown, format!("Show {}", row.name));
+    name(&colour, format!("Colour of {}", row.name));
+    name(&opacity, format!("Opacity of {}", row.name));
+    let mut change = [shown, colour, opacity].iter().map(Change::of).fold(Change::None, Change::and);
+    let title = ui.add(egui::Label::new(text).truncate().sense(Sense::click()));
+    let title = title.on_hover_text(format!("{} voxels; double-click shows only this label", row.voxels));
+    if title.double_clicked() {
+        table.show_only(index);
+        change = Change::Done;
     }
-    table.show_only(index);
-    Change::Done
+    change
+}
+
+/// Gives a widget the name that screen readers say.
+fn name(widget: &Response, text: impl Into<String>) {
+    let text = text.into();
+    widget.ctx.accesskit_node_builder(widget.id, |node| node.set_label(text));
 }
 
 /// Returns a number in as few digits as tell it well.
@@ -409,6 +421,3 @@ pub fn choose<T: PartialEq + Copy>(ui: &mut Ui, name: &str, value: &mut T, all: 
     });
     *value != before
 }
-
-/// The size of the histogram for tests that point at it.
-pub const HISTOGRAM_SIZE: Vec2 = Vec2::new(300.0, HEIGHTS[0]);

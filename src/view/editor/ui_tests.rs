@@ -1,0 +1,119 @@
+//! The editor's widgets, used with mouse and keys.
+
+use adjsplat::TransferFunction;
+use egui::{Key, Modifiers, PointerButton, Pos2, pos2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+
+use super::ui::{Change, EditorState, editor};
+use super::{Edited, History, LabelTable, PointList, StoredValues};
+
+struct State {
+    edits: History<Edited>,
+    before: Option<Edited>,
+    editor: EditorState,
+    stored: StoredValues,
+}
+
+/// Returns the editor in a panel of 320 points.
+fn harness(edited: Edited, stored: StoredValues) -> Harness<'static, State> {
+    let state = State { edits: History::new(edited), before: None, editor: EditorState::default(), stored };
+    let show = |ui: &mut egui::Ui, state: &mut State| {
+        let before = state.edits.now.clone();
+        let change = editor(ui, &mut state.edits.now, &mut state.editor, &state.stored, &[]);
+        if change == Change::None {
+            return;
+        }
+        let begun = state.before.take().unwrap_or(before);
+        match change {
+            Change::Done => state.edits.changed_from(begun),
+            _ => state.before = Some(begun),
+        }
+    };
+    let mut harness = Harness::builder().with_size([320.0, 500.0]).build_ui_state(show, state);
+    harness.run();
+    harness
+}
+
+fn ramp() -> Harness<'static, State> {
+    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![1; 101] };
+    harness(Edited::Points(PointList::ramp(&stored)), stored)
+}
+
+fn list(harness: &Harness<'_, State>) -> PointList {
+    match &harness.state().edits.now {
+        Edited::Points(list) => list.clone(),
+        other => panic!("not points: {other:?}"),
+    }
+}
+
+/// Returns the place of the ramp's middle point: value 50, opacity 0.3.
+fn middle(harness: &Harness<'_, State>) -> Pos2 {
+    let inner = harness.get_by_label("Opacity by value").rect().shrink2(egui::vec2(6.0, 7.0));
+    pos2(inner.center().x, inner.bottom() - 0.3 * inner.height())
+}
+
+fn button(harness: &mut Harness<'_, State>, pos: Pos2, pressed: bool) {
+    let (button, modifiers) = (PointerButton::Primary, Modifiers::NONE);
+    harness.event(egui::Event::PointerButton { pos, button, pressed, modifiers });
+    harness.step();
+}
+
+#[test]
+fn a_point_follows_the_mouse_and_one_undo_takes_the_drag_back() {
+    let mut harness = ramp();
+    let before = list(&harness);
+    let from = middle(&harness);
+    harness.hover_at(from);
+    harness.step();
+    button(&mut harness, from, true);
+    for step in 1..=4u8 {
+        harness.hover_at(from + egui::vec2(10.0, -10.0) * f32::from(step));
+        harness.step();
+    }
+    button(&mut harness, from + egui::vec2(40.0, -40.0), false);
+    harness.run();
+    let moved = list(&harness);
+    assert_eq!(moved.points().len(), 3);
+    assert!((moved.points()[1].value - 50.0).abs() > 10.0 && moved.points()[1].opacity > 0.5, "{moved:?}");
+    harness.state_mut().edits.undo();
+    assert_eq!(list(&harness), before);
+    assert!(!harness.state().edits.can_undo(), "a drag is one change");
+}
+
+#[test]
+fn a_typed_number_moves_the_selected_point() {
+    let mut harness = ramp();
+    let at = middle(&harness);
+    harness.hover_at(at);
+    harness.step();
+    button(&mut harness, at, true);
+    button(&mut harness, at, false);
+    harness.run();
+    harness.get_by_label("Value of the point").click();
+    harness.run();
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    harness.event(egui::Event::Text("72".into()));
+    harness.key_press(Key::Enter);
+    harness.run();
+    assert_eq!(list(&harness).points()[1].value, 72.0);
+}
+
+#[test]
+fn a_label_is_found_by_name_and_hidden() {
+    let text = r##"{"kind":"labels","labels":[{"label":1,"name":"liver","colour":"#802010","opacity":1.0},
+        {"label":2,"name":"spleen","colour":"#208010","opacity":1.0}]}"##;
+    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![0, 5, 7] };
+    let table = LabelTable::of(&TransferFunction::from_json(text).unwrap(), &stored);
+    let mut harness = harness(Edited::Labels(table), stored);
+    assert!(harness.query_by_label("Show liver").is_some());
+    harness.get_by_label("Search labels").click();
+    harness.run();
+    harness.event(egui::Event::Text("SPL".into()));
+    harness.run();
+    assert!(harness.query_by_label("Show liver").is_none());
+    harness.get_by_label("Show spleen").click();
+    harness.run();
+    let palette = harness.state().edits.now.transfer().unwrap();
+    assert_eq!((palette.opacity(1.0, 0.0), palette.opacity(2.0, 0.0)), (1.0, 0.0));
+}
