@@ -145,7 +145,6 @@ impl Viewer {
                     self.recent.add(&path);
                     self.documents.push(document);
                     self.active = self.documents.len() - 1;
-                    self.documents[self.active].fit(self.view_size);
                     self.message = None;
                 }
                 Err(Error::Interrupted) => self.message = Some((format!("{} was not opened", path.display()), false)),
@@ -295,7 +294,9 @@ impl Viewer {
             ui.separator();
             ui.checkbox(&mut self.has_panel, "Panel");
             if self.documents.len() > 1 {
-                ui.checkbox(&mut self.is_side_by_side, "Side by side");
+                if ui.checkbox(&mut self.is_side_by_side, "Side by side").changed() {
+                    self.documents.iter_mut().for_each(|document| document.needs_fit = true);
+                }
                 ui.checkbox(&mut self.is_linked, "Link views").on_hover_text("All files are seen from the same place");
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
@@ -425,6 +426,9 @@ impl Viewer {
             self.message = None;
         }
         let document = &mut self.documents[index];
+        if std::mem::take(&mut document.needs_fit) {
+            document.fit(size);
+        }
         let before = document.look.eye;
         let projector = Projector::new(&document.look.eye, rect);
         let holds = match &mut document.look.crop {

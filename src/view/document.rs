@@ -41,6 +41,8 @@ pub struct Document {
     pub painter: Painter,
     /// How the view moves.
     pub motion: Motion,
+    /// Whether the view shall show everything as soon as its size is known.
+    pub needs_fit: bool,
     /// The face of the crop box that is dragged.
     pub held_face: Option<usize>,
     /// The voxel that was clicked.
@@ -74,6 +76,7 @@ impl Document {
             missing: Vec::new(),
             painter: Painter::new(context),
             motion: Motion::default(),
+            needs_fit: true,
             held_face: None,
             picked: None,
             note: None,

@@ -19,4 +19,6 @@ mod study;
 mod transfer;
 mod trim;
 mod usage;
+#[cfg(unix)]
+mod view;
 mod volumes;
