@@ -123,12 +123,11 @@ impl Painter {
             _ => return self.texture.as_ref(),
         };
         let rested = time - self.changed_at;
-        if has_draft && rested >= rest {
+        if rested < rest {
+            self.context.request_repaint_after(std::time::Duration::from_secs_f64(rest - rested));
+        } else if has_draft {
             self.asked_quality = next;
             self.finer.ask(self.request(model, look, size, next));
-        } else {
-            let left = std::time::Duration::from_secs_f64((rest - rested).max(0.01));
-            self.context.request_repaint_after(left);
         }
         self.texture.as_ref()
     }
