@@ -14,12 +14,9 @@ use adjsplat::error::Result;
 use adjsplat::splat::{Quality, Stats};
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 
+use crate::draft_size::DraftSize;
 use crate::look::Look;
 
-/// A draft may take this long; if it takes longer, the next has fewer pixels. In milliseconds.
-const DRAFT_MS: f64 = 50.0;
-/// The most pixels of the view, along each side, for one of a draft.
-const COARSEST: f64 = 6.0;
 /// How long a view rests before it is drawn in `standard`, and then in `high`, in seconds.
 const RESTS: [f64; 2] = [0.08, 0.4];
 
@@ -68,8 +65,7 @@ pub struct Painter {
     changed_at: f64,
     /// The best quality that was asked for since the look changed.
     asked_quality: Quality,
-    /// Pixels of the view for one of a draft, along each side.
-    coarseness: f64,
+    draft_size: DraftSize,
     texture: Option<TextureHandle>,
     shown: Option<Shown>,
     fault: Option<String>,
@@ -88,7 +84,7 @@ impl Painter {
             look_index: 0,
             changed_at: 0.0,
             asked_quality: Quality::Draft,
-            coarseness: 1.0,
+            draft_size: DraftSize::default(),
             texture: None,
             shown: None,
             fault: None,
@@ -111,8 +107,7 @@ impl Painter {
             self.look_index += 1;
             self.changed_at = time;
             self.asked_quality = Quality::Draft;
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "no larger than the view")]
-            let coarse = size.map(|side| ((f64::from(side) / self.coarseness) as u32).max(1));
+            let coarse = self.draft_size.of(size);
             self.draft.ask(self.request(model, look, coarse, Quality::Draft));
         }
         // A draft of this look first, or there is nothing to see meanwhile.
@@ -154,12 +149,10 @@ impl Painter {
     /// Takes the pictures that are ready.
     fn receive(&mut self) {
         while let Ok(Drawn { look_index, quality, milliseconds, picture }) = self.results.try_recv() {
-            if quality == Quality::Draft {
-                // Drawing time follows the number of pixels only in part: half-way is near enough, and settles.
-                let wanted = (self.coarseness * (milliseconds / (0.6 * DRAFT_MS)).sqrt()).clamp(1.0, COARSEST);
-                if milliseconds > DRAFT_MS || wanted < 0.7 * self.coarseness {
-                    self.coarseness = (self.coarseness + wanted) / 2.0;
-                }
+            if let (Quality::Draft, Ok((image, _)), Some((_, _, view))) = (quality, &picture, &self.asked) {
+                let pixels = |[columns, rows]: [f64; 2]| columns * rows;
+                let share = pixels(image.size.map(|side| side as f64)) / pixels(view.map(f64::from));
+                self.draft_size.took(milliseconds, share.min(1.0));
             }
             // Drafts of older looks are shown while the view moves; a finer picture of an older look comes too late.
             let is_old = |shown: Shown| (look_index, rank(quality)) < (shown.look_index, rank(shown.quality));

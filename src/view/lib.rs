@@ -9,6 +9,7 @@
 pub mod app;
 mod dialog;
 pub mod document;
+pub mod draft_size;
 pub mod draw;
 pub mod editor;
 pub mod look;
