@@ -65,7 +65,7 @@ impl Eye {
             Some(bounds) => Surround::of_voxels(model.grid(), bounds.low, bounds.high),
             None => Surround::of_grid(model.grid()),
         };
-        let ([right, above, forward], anchor) = (camera.axes(), DVec3::from_array(camera.anchor()));
+        let (forward, anchor) = (camera.axes()[2], DVec3::from_array(camera.anchor()));
         let (target, height) = match camera.projection() {
             Projection::Parallel { height } => (anchor, height),
             Projection::Perspective { fov } => {
@@ -73,7 +73,6 @@ impl Eye {
                 (anchor + forward * distance, 2.0 * distance * (fov.to_radians() / 2.0).tan())
             }
         };
-        debug_assert!(right.cross(above).dot(forward) < 0.0, "the axes are those of a picture");
         Ok(Eye { target, azimuth, elevation, up, height, fov, full_height: height })
     }
 

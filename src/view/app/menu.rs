@@ -1,0 +1,177 @@
+//! The menu, the tabs and the last line.
+
+use adjsplat::TransferFunction;
+use adjsplat::error::Error;
+use adjsplat::splat::Quality;
+use egui::{Context, ProgressBar, Theme, Ui};
+
+use super::{Viewer, full};
+use crate::dialog::{Dialog, Purpose};
+use crate::document::Document;
+use crate::editor::Edited;
+use crate::editor::ui::number;
+use crate::save::{camera_json, command};
+
+impl Viewer {
+    pub(super) fn menu(&mut self, ui: &mut Ui) {
+        let context = ui.ctx().clone();
+        ui.add_space(3.0);
+        ui.horizontal_wrapped(|ui| {
+            ui.menu_button("Open", |ui| {
+                if ui.button("File…").clicked() {
+                    self.dialog = Some(Dialog::begin(Purpose::OpenFile, &context));
+                    ui.close();
+                }
+                if ui.button("Path…").on_hover_text("Type a path; a folder of DICOM slices, for example").clicked() {
+                    self.typed_path = Some(String::new());
+                    ui.close();
+                }
+                ui.separator();
+                let paths = self.recent.paths().to_vec();
+                for path in paths {
+                    let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+                    if ui.button(name).on_hover_text(path.display().to_string()).clicked() {
+                        self.open(&context, &path);
+                        ui.close();
+                    }
+                }
+            });
+            let is_open = !self.documents.is_empty();
+            ui.add_enabled_ui(is_open, |ui| {
+                if ui.button("Save picture").clicked() {
+                    self.form_is_open = true;
+                }
+                ui.menu_button("Copy", |ui| {
+                    if ui.button("Command that makes this picture").clicked() {
+                        self.copy(&context, true);
+                        ui.close();
+                    }
+                    if ui.button("Camera as JSON").clicked() {
+                        self.copy(&context, false);
+                        ui.close();
+                    }
+                });
+            });
+            ui.separator();
+            ui.checkbox(&mut self.has_panel, "Panel");
+            if self.documents.len() > 1 {
+                if ui.checkbox(&mut self.is_side_by_side, "Side by side").changed() {
+                    self.documents.iter_mut().for_each(|document| document.needs_fit = true);
+                }
+                ui.checkbox(&mut self.is_linked, "Link views").on_hover_text("All files are seen from the same place");
+            }
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let is_dark = context.theme() == Theme::Dark;
+                if ui.button(if is_dark { "Light theme" } else { "Dark theme" }).clicked() {
+                    context.set_theme(if is_dark { Theme::Light } else { Theme::Dark });
+                }
+            });
+        });
+        ui.add_space(3.0);
+    }
+
+    fn copy(&mut self, context: &Context, is_command: bool) {
+        let Some(document) = self.documents.get(self.active) else { return };
+        let stored = transfer_in_file(document);
+        let text = match (is_command, &document.path) {
+            (true, Some(path)) => {
+                let transfer = document.model.transfer();
+                let other = Some(transfer).filter(|transfer| stored.as_ref() != Some(transfer));
+                command(path, &document.look, &document.model, self.view_size, Quality::High, other)
+            }
+            (true, None) => Err(Error::input("the model", "lies in no file that a command could name")),
+            (false, _) => camera_json(&document.look),
+        };
+        self.message = Some(match text {
+            Ok(text) => {
+                context.copy_text(text);
+                ("Copied to the clipboard".into(), false)
+            }
+            Err(fault) => (full(&fault), true),
+        });
+    }
+
+    pub(super) fn tabs(&mut self, ui: &mut Ui) {
+        let mut closed = None;
+        ui.horizontal_wrapped(|ui| {
+            for index in 0..self.documents.len() {
+                let title = self.documents[index].title.clone();
+                if ui.selectable_label(index == self.active, &title).clicked() {
+                    if self.is_linked {
+                        self.documents[index].look.eye = self.documents[self.active].look.eye;
+                    }
+                    self.active = index;
+                }
+                if ui.small_button("×").on_hover_text("Close this file").clicked() {
+                    closed = Some(index);
+                }
+                ui.add_space(6.0);
+            }
+        });
+        if let Some(index) = closed {
+            self.close(index);
+        }
+    }
+
+    pub(super) fn status(&mut self, ui: &mut Ui) {
+        ui.add_space(2.0);
+        ui.horizontal_wrapped(|ui| {
+            for opening in &self.openings {
+                let (phase, share) = opening.progress();
+                let name = opening.path.file_name().unwrap_or_default().to_string_lossy();
+                ui.label(format!("{phase}: {name}"));
+                ui.add(ProgressBar::new(share).desired_width(140.0));
+                if ui.button("Cancel").clicked() {
+                    opening.cancel();
+                }
+            }
+            for saving in &self.savings {
+                ui.label(format!("Drawing {} of {}", saving.done() + 1, saving.frames));
+                if ui.button("Cancel").clicked() {
+                    saving.cancel();
+                }
+            }
+            if let Some((text, is_error)) = &self.message {
+                let colour = if *is_error { ui.visuals().error_fg_color } else { ui.visuals().text_color() };
+                ui.colored_label(colour, text);
+            } else if let Some(document) = self.documents.get(self.active) {
+                ui.label(describe(document));
+            }
+        });
+        ui.add_space(2.0);
+    }
+}
+
+/// Returns the transfer function that the file of a document holds.
+fn transfer_in_file(document: &Document) -> Option<TransferFunction> {
+    if !document.is_adj {
+        return None;
+    }
+    document.model.arena().ok().and_then(|arena| adjsplat::internals::stored_transfer(&arena))
+}
+
+/// Returns a line about the picked voxel, or else about the file.
+fn describe(document: &Document) -> String {
+    let unit = document.model.grid().unit.clone().unwrap_or_default();
+    match document.picked {
+        Some(picked) => {
+            let [x, y, z] = picked.index;
+            let place = picked.world.to_array().map(number).join(", ");
+            let name = match &document.edits.now {
+                Edited::Labels(table) => {
+                    table.rows.iter().find(|row| row.label as f64 == picked.value).map(|row| row.name.clone())
+                }
+                _ => None,
+            };
+            let name = name.map_or_else(String::new, |name| format!(" ({name})"));
+            format!("Voxel {x}, {y}, {z} at {place} {unit}: value {}{name}", number(picked.value))
+        }
+        None => {
+            let [x, y, z] = document.model.grid().dims;
+            format!(
+                "{x} x {y} x {z} points, {} visible voxels. Click to pick a voxel.",
+                document.model.visible_voxels()
+            )
+        }
+    }
+}

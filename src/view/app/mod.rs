@@ -1,0 +1,269 @@
+//! The program: open documents as tabs or side by side, menus, keys, messages.
+
+mod menu;
+mod views;
+mod windows;
+
+use std::path::{Path, PathBuf};
+
+use adjsplat::TransferFunction;
+use adjsplat::error::Error;
+use egui::{CentralPanel, Context, Key, Modifiers, Panel, Theme, Ui};
+
+use crate::dialog::{Dialog, Purpose};
+use crate::document::Document;
+use crate::editor::Edited;
+use crate::look::SIDES;
+use crate::navigate::Manner;
+use crate::open::Opening;
+use crate::panel::{Wish, panel};
+use crate::recent::RecentFiles;
+use crate::save::{PictureForm, Saving};
+use crate::theme;
+
+/// The viewer.
+pub struct Viewer {
+    documents: Vec<Document>,
+    active: usize,
+    openings: Vec<Opening>,
+    savings: Vec<Saving>,
+    dialog: Option<Dialog>,
+    recent: RecentFiles,
+    manner: Manner,
+    /// Whether all documents are seen from the same place.
+    is_linked: bool,
+    is_side_by_side: bool,
+    has_panel: bool,
+    /// The path that is typed, while the window for it is open.
+    typed_path: Option<String>,
+    /// How the next picture is saved, while the window for it is open.
+    form: Option<PictureForm>,
+    form_is_open: bool,
+    /// The last message, and whether it is an error.
+    message: Option<(String, bool)>,
+    /// The size of the last view, in pixels.
+    view_size: [u32; 2],
+    was_dark: Option<bool>,
+}
+
+impl Viewer {
+    /// Creates a viewer that opens these files.
+    pub fn new(context: &Context, files: &[PathBuf], recent: RecentFiles) -> Viewer {
+        theme::apply(context);
+        let mut viewer = Viewer {
+            documents: Vec::new(),
+            active: 0,
+            openings: Vec::new(),
+            savings: Vec::new(),
+            dialog: None,
+            recent,
+            manner: Manner { has_inertia: true, flies: false },
+            is_linked: false,
+            is_side_by_side: false,
+            has_panel: true,
+            typed_path: None,
+            form: None,
+            form_is_open: false,
+            message: None,
+            view_size: [800, 600],
+            was_dark: None,
+        };
+        files.iter().for_each(|file| viewer.open(context, file));
+        viewer
+    }
+
+    /// Begins to open a file.
+    pub fn open(&mut self, context: &Context, path: &Path) {
+        self.openings.push(Opening::begin(path, context));
+    }
+
+    /// Returns the open documents, in the order of their tabs.
+    pub fn documents(&self) -> &[Document] {
+        &self.documents
+    }
+
+    /// Returns the last message, such as why a file could not be opened.
+    pub fn message(&self) -> Option<&str> {
+        self.message.as_ref().map(|(text, _)| text.as_str())
+    }
+
+    /// Shows the program and applies the user's input.
+    pub fn show(&mut self, ui: &mut Ui) {
+        let context = ui.ctx().clone();
+        self.follow_theme(&context);
+        self.take_dropped(&context);
+        self.take_results(&context);
+        self.keys(&context);
+        Panel::top("menu").show(ui, |ui| self.menu(ui));
+        if self.documents.len() > 1 && !self.is_side_by_side {
+            Panel::top("tabs").show(ui, |ui| self.tabs(ui));
+        }
+        Panel::bottom("status").show(ui, |ui| self.status(ui));
+        if self.has_panel && !self.documents.is_empty() {
+            Panel::right("panel").default_size(330.0).min_size(290.0).max_size(520.0).show(ui, |ui| {
+                let wish = panel(ui, &mut self.documents[self.active], &mut self.manner, self.view_size);
+                self.fulfil(&context, wish);
+            });
+        }
+        CentralPanel::no_frame().show(ui, |ui| self.views(ui));
+        self.windows(&context);
+    }
+
+    fn follow_theme(&mut self, context: &Context) {
+        let is_dark = context.theme() == Theme::Dark;
+        if self.was_dark.is_some_and(|was_dark| was_dark != is_dark) {
+            for document in &mut self.documents {
+                if document.look.background == theme::background(!is_dark) {
+                    document.look.background = theme::background(is_dark);
+                }
+            }
+        }
+        self.was_dark = Some(is_dark);
+    }
+
+    fn take_dropped(&mut self, context: &Context) {
+        let dropped: Vec<PathBuf> =
+            context.input(|input| input.raw.dropped_files.iter().map(|file| file.path().to_owned()).collect());
+        dropped.iter().for_each(|path| self.open(context, path));
+    }
+
+    /// Takes what threads and dialogs have finished.
+    fn take_results(&mut self, context: &Context) {
+        let background = theme::background(context.theme() == Theme::Dark);
+        let mut opened = Vec::new();
+        self.openings.retain(|opening| match opening.result() {
+            None => true,
+            Some(result) => {
+                opened.push((opening.path.clone(), result));
+                false
+            }
+        });
+        for (path, result) in opened {
+            match result.and_then(|opened| Document::new(context, opened, background)) {
+                Ok(document) => {
+                    self.recent.add(&path);
+                    self.documents.push(document);
+                    self.active = self.documents.len() - 1;
+                    self.message = None;
+                }
+                Err(Error::Interrupted) => self.message = Some((format!("{} was not opened", path.display()), false)),
+                Err(fault) => self.message = Some((full(&fault), true)),
+            }
+        }
+        let mut saved = Vec::new();
+        self.savings.retain(|saving| match saving.result() {
+            None => true,
+            Some(result) => {
+                saved.push((saving.path.clone(), result));
+                false
+            }
+        });
+        for (path, result) in saved {
+            self.message = Some(match result {
+                Ok(()) => (format!("Saved {}", path.display()), false),
+                Err(Error::Interrupted) => (format!("{} was not saved", path.display()), false),
+                Err(fault) => (full(&fault), true),
+            });
+        }
+        if let Some((purpose, path)) = self.dialog.as_ref().and_then(Dialog::result) {
+            self.dialog = None;
+            if let Some(path) = path {
+                self.chosen(context, purpose, &path);
+            }
+        }
+        self.documents.iter_mut().for_each(Document::finish_pick);
+    }
+
+    /// Does what a file was chosen for.
+    fn chosen(&mut self, context: &Context, purpose: Purpose, path: &Path) {
+        if purpose == Purpose::OpenFile {
+            return self.open(context, path);
+        }
+        let Some(document) = self.documents.get_mut(self.active) else { return };
+        let result = match purpose {
+            Purpose::OpenFile => Ok(()),
+            Purpose::SavePicture => {
+                if let Some(form) = self.form {
+                    self.savings.push(Saving::begin(path, &document.model, &document.look, form, context));
+                }
+                Ok(())
+            }
+            Purpose::LoadTransfer => TransferFunction::read(path).map(|transfer| {
+                let edited = Edited::of(&transfer, &document.stored);
+                let before = std::mem::replace(&mut document.edits.now, edited);
+                document.edits.changed_from(before);
+                document.apply();
+            }),
+            Purpose::SaveTransfer => {
+                let text = document.model.transfer().to_json();
+                adjsplat::file::write_atomically(path, |out| out.write_all(text.as_bytes()))
+            }
+        };
+        if let Err(fault) = result {
+            self.message = Some((full(&fault), true));
+        }
+    }
+
+    fn fulfil(&mut self, context: &Context, wish: Option<Wish>) {
+        match wish {
+            Some(Wish::LoadTransfer) => self.dialog = Some(Dialog::begin(Purpose::LoadTransfer, context)),
+            Some(Wish::SaveTransfer) => self.dialog = Some(Dialog::begin(Purpose::SaveTransfer, context)),
+            Some(Wish::Fit) => self.documents[self.active].fit(self.view_size),
+            None => {}
+        }
+    }
+
+    fn keys(&mut self, context: &Context) {
+        if context.egui_wants_keyboard_input() {
+            return;
+        }
+        let pressed = |modifiers, key| context.input_mut(|input| input.consume_key(modifiers, key));
+        if pressed(Modifiers::COMMAND, Key::O) {
+            self.typed_path = Some(String::new());
+        }
+        if pressed(Modifiers::COMMAND, Key::W) && !self.documents.is_empty() {
+            self.close(self.active);
+        }
+        let size = self.view_size;
+        let Some(document) = self.documents.get_mut(self.active) else { return };
+        if pressed(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z) || pressed(Modifiers::COMMAND, Key::Y) {
+            document.edits.redo();
+            document.apply();
+        } else if pressed(Modifiers::COMMAND, Key::Z) {
+            document.edits.undo();
+            document.apply();
+        }
+        let sides = [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6];
+        for (key, side) in sides.into_iter().zip(SIDES) {
+            if pressed(Modifiers::NONE, key) {
+                (document.look.eye.azimuth, document.look.eye.elevation) = (side.azimuth, side.elevation);
+                document.fit(size);
+            }
+        }
+        if pressed(Modifiers::NONE, Key::F) {
+            document.fit(size);
+        }
+        if pressed(Modifiers::NONE, Key::P) {
+            document.look.eye.toggle_perspective();
+        }
+        if pressed(Modifiers::NONE, Key::Escape) {
+            document.picked = None;
+        }
+    }
+
+    fn close(&mut self, index: usize) {
+        self.documents.remove(index);
+        self.active = self.active.min(self.documents.len().saturating_sub(1));
+    }
+}
+
+/// Returns an error with its cause, in one line.
+fn full(fault: &Error) -> String {
+    let mut text = fault.to_string();
+    let mut cause = std::error::Error::source(fault);
+    while let Some(inner) = cause {
+        text = format!("{text}: {inner}");
+        cause = inner.source();
+    }
+    text
+}
