@@ -13,7 +13,8 @@ import numpy as np
 from . import _native
 from .arguments import byte_count, output_path, text, thread_count, whole
 from .arrays import Slices, is_array
-from .convert import TURNED, from_xarray
+from .convert import TURNED
+from .data_array import placed
 from .model import Model
 from .transfer import TransferFunction, as_transfer
 
@@ -32,7 +33,7 @@ class _Place:
         self.spacing = _numbers("spacing", spacing, 3)
         origin = _numbers("origin", origin, 3)
         self.origin = None if origin is None else [float(part) for part in origin * turned]
-        matrix = _numbers("direction", None if direction is None else np.ravel(direction), 9)
+        matrix = _numbers("direction", None if direction is None else np.ravel(np.asarray(direction)), 9)
         # The library takes a vector for each axis, which is a column of the matrix.
         self.direction = None if matrix is None else (matrix.reshape(3, 3) * turned[:, None]).T.tolist()
         self.unit = None if unit is None else text("unit", unit)
@@ -112,7 +113,7 @@ def build(
 
     * a numpy array (z, y, x) of any real number type, byte order and strides; whole slices are read in place;
     * a zarr or dask array, or anything with `shape`, `dtype` and slices, of which a few slices at a time are in memory;
-    * an xarray DataArray; its coordinates give spacing and origin, if they are regular and you give neither;
+    * an xarray DataArray; its coordinates give what you do not give of spacing and origin, and must be regular;
     * a SimpleITK image, which brings its own spacing, origin, direction and frame;
     * a path, or a list or pattern of paths of slices, that `adj build` reads: DICOM, Zarr and OME-Zarr, TIFF, NRRD,
       MetaImage, NIfTI, VTK, SLC, raw; or `phantom:NAME`.
@@ -132,8 +133,8 @@ def build(
 
     `memory` bounds the bytes of the process (or "256MiB") while a file is written; `threads` defaults to all processors.
     The result depends on neither. `progress(phase, done, total)` is called about twenty times a second; what it raises
-    stops the build, as Ctrl-C does, and no file is left. Of two builds that write one file at the same time, the later
-    one's file stays.
+    stops the build, as Ctrl-C does, and no file is left. Of two builds that write one path at the same time, one file stays,
+    and both may return it.
 
     Of files: `shape` (z, y, x), `dtype` and `skip` describe one without a header; `volume_index`, `level` and `series`
     choose one of several volumes, resolutions or DICOM series; `outside_files` allows headers to name files in other
@@ -157,9 +158,10 @@ def build(
 
         volume = GetArrayViewFromImage(volume)
     elif type(volume).__module__.partition(".")[0] == "xarray":
-        if all(part is None for part in (spacing, origin, direction)) and frame == "RAS":
-            volume, (spacing, origin, direction), own_unit = from_xarray(volume)
-            unit = own_unit if unit is None else unit
+        volume, spacing, origin, direction, own_unit, notes = placed(volume, spacing, origin, direction)
+        unit = own_unit if unit is None else unit
+        for note in notes:
+            warnings.warn(note, BuildWarning, stacklevel=2)
     place = _Place(spacing, origin, direction, frame, unit)
     packing = _Packing(lanes, value_bits, normal_bits, memory, threads)
     if is_array(volume):
@@ -238,9 +240,13 @@ def _files(volume: Any) -> list[str]:
 def _numbers(name: str, numbers: Any, count: int) -> np.ndarray | None:
     if numbers is None:
         return None
-    array = np.asarray(numbers, dtype=np.float64)
+    need = f"{name} must be {count} numbers, not {numbers!r}"
+    try:
+        array = np.asarray(numbers, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(need) from None
     if array.shape != (count,):
-        raise ValueError(f"{name} must be {count} numbers, not {numbers!r}")
+        raise ValueError(need)
     return array
 
 

@@ -34,43 +34,6 @@ def to_xarray(model: Model, chunks: Any) -> Any:
     return xarray.DataArray(data, dims=("z", "y", "x"), coords=coordinates, attrs=attrs, name="values")
 
 
-#: Distances between coordinates may differ from their mean by this share of it: files often round them.
-REGULAR = 1e-3
-
-
-def from_xarray(array: Any) -> tuple[Any, tuple[Any, Any, Any], str | None]:
-    """Returns the array with dimensions in the order z, y, x; spacing, origin and direction; and the unit of lengths.
-
-    Dimensions that are not called x, y and z keep their order. The attributes that `to_xarray` writes say where an oblique
-    volume lies; else coordinates do. Without either the place is None.
-    """
-    if sorted(map(str, array.dims)) == ["x", "y", "z"]:
-        array = array.transpose("z", "y", "x")
-    names = list(reversed(array.dims))
-    has_coordinates = len(names) == 3 and all(name in array.coords for name in names)
-    units = {array.coords[name].attrs.get("units") for name in names} if has_coordinates else {None}
-    unit = units.pop() if len(units) == 1 else None
-    unit = unit if isinstance(unit, str) else None
-    given = tuple(array.attrs.get(name) for name in ("spacing", "origin", "direction"))
-    if all(np.size(part) == size for part, size in zip(given, (3, 3, 9))):
-        return array, given, unit
-    if not has_coordinates:
-        return array, (None, None, None), None
-    spacing, origin, direction = [], [], np.eye(3)
-    for a, name in enumerate(names):
-        places = np.asarray(array.coords[name])
-        if places.ndim != 1 or places.dtype.kind not in "uif":
-            return array, (None, None, None), None
-        steps = np.diff(places.astype(np.float64))
-        step = float(steps.mean()) if steps.size else 1.0
-        if not np.isfinite(step) or step == 0 or (np.abs(steps - step) > REGULAR * abs(step)).any():
-            raise ValueError(f"the coordinates of {name} are not regular; give spacing, or resample the array")
-        direction[a, a] = np.sign(step)
-        spacing.append(abs(step))
-        origin.append(float(places[0]))
-    return array, (spacing, origin, direction), unit
-
-
 def to_sitk(model: Model) -> Any:
     sitk = needed("SimpleITK", "to_sitk")
     image = sitk.GetImageFromArray(model.to_numpy())

@@ -128,10 +128,68 @@ def test_coordinates_of_an_xarray_give_its_place(volume):
         assert f.shape == volume.shape and f.spacing == (1, 0.5, 2.5) and f.origin == (0, 9, 5)
         assert f.direction == (1, 0, 0, 0, -1, 0, 0, 0, 1)
     assert adj.build(array, visible=(60, None), spacing=(3, 3, 3)).spacing == (3, 3, 3)
-    assert adj.build(array.drop_vars("y"), visible=(60, None)).spacing == (1, 1, 1)
+    with pytest.warns(adj.BuildWarning, match="^y: the coordinates do not tell"):
+        f = adj.build(array.drop_vars("y"), visible=(60, None))
+    assert f.spacing == (1, 1, 2.5) and f.origin == (0, 0, 5)
     uneven = array.assign_coords(y=np.arange(y) ** 2)
     with pytest.raises(ValueError, match="the coordinates of y are not regular"):
         adj.build(uneven, visible=(60, None))
+
+
+CUTS = [
+    (slice(2, None), slice(None), slice(3, None)),
+    (slice(None), slice(None), slice(None, None, 2)),
+    (slice(None, None, -1), slice(None), slice(None, None, -2)),
+    (slice(4, 5), slice(None, None, 3), slice(1, None)),
+]
+
+
+@pytest.mark.parametrize("cut", CUTS)
+def test_a_cut_xarray_lies_where_its_voxels_were(volume, cut):
+    pytest.importorskip("xarray")
+    oblique = np.array([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1]])
+    for direction in (np.eye(3), np.diag([-1, 1, -1]), oblique):
+        f = adj.build(volume, spacing=(1, 1.5, 2.5), origin=(10, -20, 30), direction=direction)
+        g = adj.build(f.to_xarray()[cut])
+        for axes in ((0, 0, 0), (1, 1, 1)):
+            # The last voxel of an axis of one voxel is its first.
+            here = [(size - 1) * end for size, end in zip(g.shape, axes)]
+            there = [range(size)[part][index] for size, part, index in zip(f.shape, cut, here)]
+            places = [
+                np.array(m.origin) + np.reshape(m.direction, (3, 3)) @ (np.array(zyx[::-1]) * m.spacing)
+                for m, zyx in ((f, there), (g, here))
+            ]
+            np.testing.assert_allclose(places[0], places[1], atol=1e-5)
+
+
+def test_an_xarray_keeps_its_axes_whatever_of_its_place_is_given(volume):
+    xarray = pytest.importorskip("xarray")
+    coordinates = {name: 3 + 2.0 * np.arange(size) for name, size in zip("zyx", volume.shape)}
+    array = xarray.DataArray(volume, dims=("z", "y", "x"), coords=coordinates).transpose("x", "z", "y")
+    f = adj.build(array, spacing=(1, 2, 3), frame="LPS")
+    assert f.shape == volume.shape and f.spacing == (1, 2, 3) and f.origin == (-3, -3, 3)
+    g = adj.build(array, origin=(0, 0, 0))
+    assert g.spacing == (2, 2, 2) and g.origin == (0, 0, 0)
+    h = adj.build(array, direction=np.diag([-1, 1, 1]))
+    assert h.spacing == (2, 2, 2) and h.origin == (3, 3, 3) and h.direction[0] == -1
+
+
+def test_coordinates_that_are_no_numbers_are_refused(volume):
+    xarray = pytest.importorskip("xarray")
+    days = np.arange(volume.shape[0]).astype("datetime64[D]")
+    array = xarray.DataArray(volume, dims=("z", "y", "x"), coords={"z": days})
+    with pytest.raises(ValueError, match="the coordinates of z are not numbers; give spacing and origin"):
+        adj.build(array)
+    assert adj.build(array, spacing=(1, 2, 3), origin=(0, 0, 0)).spacing == (1, 2, 3)
+
+
+def test_one_slice_of_an_xarray_is_warned_about(volume):
+    xarray = pytest.importorskip("xarray")
+    array = xarray.DataArray(
+        volume, dims=("z", "y", "x"), coords={n: 2.0 * np.arange(s) for n, s in zip("zyx", volume.shape)}
+    )
+    with pytest.warns(adj.BuildWarning, match="^z: the coordinates do not tell"):
+        assert adj.build(array[3:4]).origin == (0, 0, 6)
 
 
 def test_values_of_double_precision_stay_apart():
