@@ -64,16 +64,36 @@ pub fn supersampled<T>(
     settings: &Settings,
     draw: impl FnOnce(&Settings) -> Result<(Frame, T)>,
 ) -> Result<(Frame, T)> {
-    let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
-    let supersampling = bounds.and_then(|bounds| Supersampling::new(&view, &bounds, settings));
-    let Some(supersampling) = supersampling else { return draw(settings) };
-    let (frame, stats) = draw(&Settings { size: supersampling.size(), ..settings.clone() })?;
-    let mut picture = Frame::transparent(settings.size)?;
-    supersampling.reduce(&frame, &supersampling.whole(), settings.threads, &mut picture);
-    Ok((picture, stats))
+    let Some(supersampling) = Supersampling::of(grid, bounds, camera, settings)? else { return draw(settings) };
+    let (samples, stats) = draw(&supersampling.settings(settings))?;
+    Ok((supersampling.picture(&samples, settings.threads)?, stats))
 }
 
 impl Supersampling {
+    /// Returns the supersampling for a camera's view of a grid with voxels in `bounds`; `None` if one sample per pixel is
+    /// drawn.
+    pub(crate) fn of(
+        grid: &Grid,
+        bounds: Option<VoxelBox>,
+        camera: &Camera,
+        settings: &Settings,
+    ) -> Result<Option<Supersampling>> {
+        let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
+        Ok(bounds.and_then(|bounds| Supersampling::new(&view, &bounds, settings)))
+    }
+
+    /// Returns the settings with which the samples are drawn.
+    pub(crate) fn settings(&self, settings: &Settings) -> Settings {
+        Settings { size: self.size(), ..settings.clone() }
+    }
+
+    /// Returns the picture of all samples.
+    pub(crate) fn picture(&self, samples: &Frame, threads: usize) -> Result<Frame> {
+        let mut picture = Frame::transparent(self.size)?;
+        self.reduce(samples, &self.whole(), threads, &mut picture);
+        Ok(picture)
+    }
+
     /// Returns the supersampling for a view of the voxels in `bounds`.
     ///
     /// `None` if one sample per pixel is enough, if even two along a side are too many, or if `settings` ask for none.

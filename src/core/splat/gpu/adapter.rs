@@ -77,14 +77,15 @@ pub struct OpenedDevice {
 }
 
 /// Returns all adapters that can run the stages, best first: discrete, integrated, virtual, other, software.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn adapters() -> Vec<AdapterFacts> {
-    ranked().into_iter().map(|(facts, _)| facts).collect()
+    pollster::block_on(ranked()).into_iter().map(|(facts, _)| facts).collect()
 }
 
 /// Returns adapters that can run the stages, best first; integrated ones lead if `WGPU_POWER_PREF` is low power.
-fn ranked() -> Vec<(AdapterFacts, Adapter)> {
+async fn ranked() -> Vec<(AdapterFacts, Adapter)> {
     let instance = Instance::new(InstanceDescriptor::new_without_display_handle_from_env());
-    let mut adapters = pollster::block_on(instance.enumerate_adapters(Backends::all()));
+    let mut adapters = instance.enumerate_adapters(Backends::all()).await;
     adapters.retain(|adapter| required_limits(adapter).is_some());
     let saves_power = PowerPreference::from_env() == Some(PowerPreference::LowPower);
     adapters.sort_by_key(|adapter| {
@@ -114,9 +115,18 @@ fn required_limits(adapter: &Adapter) -> Option<Limits> {
 ///
 /// # Errors
 /// [`Error::Device`] if there is no such adapter, or it refuses to open a device.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn open(name: Option<&str>) -> Result<OpenedDevice> {
+    pollster::block_on(open_async(name))
+}
+
+/// The same as [`open`] where nothing may block, as in a browser.
+///
+/// # Errors
+/// [`Error::Device`] if there is no such adapter, or it refuses to open a device.
+pub async fn open_async(name: Option<&str>) -> Result<OpenedDevice> {
     let wanted = name.map(str::to_owned).or_else(|| std::env::var("WGPU_ADAPTER_NAME").ok());
-    let adapters = ranked();
+    let adapters = ranked().await;
     if adapters.is_empty() {
         return Err(Error::device("there is none; install a driver (Vulkan, Metal or DX12), or draw on the processor"));
     }
@@ -138,6 +148,6 @@ pub fn open(name: Option<&str>) -> Result<OpenedDevice> {
         ..Default::default()
     };
     let refused = |fault: wgpu::RequestDeviceError| Error::device(format!("refuses: {}", one_line(&fault.to_string())));
-    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(refused)?;
+    let (device, queue) = adapter.request_device(&descriptor).await.map_err(refused)?;
     Ok(OpenedDevice { facts: facts.clone(), device, queue })
 }

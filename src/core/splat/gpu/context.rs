@@ -8,6 +8,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use futures_channel::oneshot;
 use wgpu::{
     Buffer, BufferDescriptor, BufferUsages, CommandBuffer, CommandEncoder, CommandEncoderDescriptor, Device,
     ErrorFilter, Limits, MapMode, PollType, Queue,
@@ -46,13 +47,13 @@ impl Context {
     }
 
     /// Runs `work`; turns any fault that the device reports meanwhile into [`Error::Device`].
-    pub(crate) fn watch<T>(&self, work: impl FnOnce() -> Result<T>) -> Result<T> {
+    pub(crate) async fn watch<T>(&self, work: impl AsyncFnOnce() -> Result<T>) -> Result<T> {
         let filters = [ErrorFilter::Validation, ErrorFilter::Internal, ErrorFilter::OutOfMemory];
         let scopes = filters.map(|filter| self.device.push_error_scope(filter));
-        let done = work();
+        let done = work().await;
         let mut fault = None;
         for scope in scopes.into_iter().rev() {
-            fault = fault.or(pollster::block_on(scope.pop()));
+            fault = fault.or(scope.pop().await);
         }
         match fault {
             None => done,
@@ -76,6 +77,7 @@ impl Context {
     }
 
     /// Copies `bytes`, a whole number of 4-byte words, to `buffer` at `offset` bytes; waits if too much is unfinished.
+    /// In a browser nothing can wait; there the browser holds what is unfinished.
     pub(crate) fn write(&self, buffer: &Buffer, offset: u64, bytes: &[u8]) -> Result<()> {
         self.queue.write_buffer(buffer, offset, bytes);
         let in_flight = self.in_flight.fetch_add(bytes.len() as u64, Ordering::Relaxed) + bytes.len() as u64;
@@ -98,9 +100,11 @@ impl Context {
         self.poll(PollType::Poll)
     }
 
-    /// Waits until all work is done.
+    /// Waits until all work is done; in a browser, which does not let anything wait, returns at once.
     pub(crate) fn wait(&self) -> Result<()> {
-        self.poll(PollType::Wait { submission_index: None, timeout: Some(HANG_TIMEOUT) })?;
+        if !cfg!(target_arch = "wasm32") {
+            self.poll(PollType::Wait { submission_index: None, timeout: Some(HANG_TIMEOUT) })?;
+        }
         self.in_flight.store(0, Ordering::Relaxed);
         Ok(())
     }
@@ -115,9 +119,9 @@ impl Context {
     }
 
     /// Waits for all work, then calls `read` with the first `bytes` bytes of `buffer`, which must be mappable.
-    pub(crate) fn read<T>(&self, buffer: &Buffer, bytes: u64, read: impl FnOnce(&[u8]) -> T) -> Result<T> {
+    pub(crate) async fn read<T>(&self, buffer: &Buffer, bytes: u64, read: impl FnOnce(&[u8]) -> T) -> Result<T> {
         let slice = buffer.slice(0..bytes);
-        let (sender, receiver) = std::sync::mpsc::channel();
+        let (sender, receiver) = oneshot::channel();
         slice.map_async(MapMode::Read, move |result| {
             // Sending fails only if waiting for the device failed before, so that nobody receives.
             let _ = sender.send(result);
@@ -125,7 +129,7 @@ impl Context {
         self.wait()?;
         let failed = || Error::device("did not give its results back; it was lost, or it is out of memory");
         // If another thread waits for the device too, it may be the one that runs the callback, a moment later.
-        receiver.recv_timeout(HANG_TIMEOUT).map_err(|_| failed())?.map_err(|_| failed())?;
+        receiver.await.map_err(|_| failed())?.map_err(|_| failed())?;
         let view = slice.get_mapped_range().map_err(|_| failed())?;
         let result = read(&view);
         drop(view);

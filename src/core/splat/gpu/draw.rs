@@ -3,9 +3,9 @@
 //! In: a renderer whose tables and line list are ready. Out: a picture. Buffers are kept for the next frame.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use bytemuck::Zeroable;
+use web_time::Instant;
 use wgpu::{Buffer, Color, CommandEncoder, ComputePassDescriptor, LoadOp, RenderPass};
 
 use super::budget::{MemoryPlan, mask_words};
@@ -49,13 +49,13 @@ struct FrameDraw<'d, 'a, 'p> {
 }
 
 /// Draws a frame into `output`.
-pub(super) fn frame<'a>(
+pub(super) async fn frame<'a>(
     renderer: &mut GpuRenderer<'a>,
     shot: &Shot<'a>,
     settings: &Settings,
     list: Arc<LineList>,
     plan: MemoryPlan,
-    mut output: FrameOutput,
+    mut output: FrameOutput<'_, '_>,
     stats: &mut GpuStats,
 ) -> Result<()> {
     let context = renderer.context.clone();
@@ -90,13 +90,13 @@ pub(super) fn frame<'a>(
                 let row = 4 * settings.size[0] as usize;
                 let [from, to] = [window[1], window[3]].map(|y| row * y.unsigned_abs() as usize);
                 let out = &mut frame.pixels_mut()[from..to];
-                read_back::window(draw.renderer, extent(window), out, draw.stats)?;
+                read_back::window(draw.renderer, extent(window), out, draw.stats).await?;
             }
             FrameOutput::Texture(target) => resolve::window(draw.renderer, window, target)?,
         }
     }
     if draw.is_timed {
-        let drawn = read_back::drawn(&mut draw.renderer.buffers, &context)?;
+        let drawn = read_back::drawn(&mut draw.renderer.buffers, &context).await?;
         (draw.stats.splats_drawn, draw.stats.splats_skipped) = (drawn, records - drawn.min(records));
     }
     Ok(())

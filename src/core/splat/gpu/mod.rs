@@ -30,8 +30,8 @@ pub(crate) mod stages;
 mod timing;
 
 use std::sync::Arc;
-use std::time::Instant;
 
+use web_time::Instant;
 pub use wgpu;
 use wgpu::{Device, DeviceType, Features, Queue};
 
@@ -48,7 +48,7 @@ use self::slab_buffers::SlabBuffers;
 use self::stages::Pipelines;
 use self::timing::Timer;
 use super::setup::FrameSetup as Shot;
-use super::supersample::supersampled;
+use super::supersample::Supersampling;
 use super::view::check_size;
 use super::{Blending, Camera, Frame, Sampling, Scene, Settings};
 use crate::classify::TransferFunction;
@@ -173,11 +173,26 @@ impl<'a> GpuRenderer<'a> {
     ///
     /// # Errors
     /// [`Error::Device`] if the device fails, or cannot blend the format of `options`.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn new(device: Device, queue: Queue, scene: Scene<'a>, options: GpuOptions) -> Result<GpuRenderer<'a>> {
+        pollster::block_on(GpuRenderer::new_async(device, queue, scene, options))
+    }
+
+    /// The same as [`GpuRenderer::new`] where nothing may block, as in a browser.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device fails, or cannot blend the format of `options`.
+    pub async fn new_async(
+        device: Device,
+        queue: Queue,
+        scene: Scene<'a>,
+        options: GpuOptions,
+    ) -> Result<GpuRenderer<'a>> {
         check_blends(&device, options.compositor)?;
         let context = Arc::new(Context::new(device, queue, in_flight(options.vram)));
         let is_software = context.device.adapter_info().device_type == DeviceType::Cpu;
-        let (pipelines, timer) = context.watch(|| Ok((Pipelines::new(&context.device), Timer::new(&context)?)))?;
+        let (pipelines, timer) =
+            context.watch(async || Ok((Pipelines::new(&context.device), Timer::new(&context)?))).await?;
         Ok(GpuRenderer {
             context,
             pipelines: Arc::new(pipelines),
@@ -232,12 +247,25 @@ impl<'a> GpuRenderer<'a> {
     /// # Errors
     /// Returns the errors of [`cpu::render`](super::cpu::render); [`Error::Input`] for a [`Blending`] other than
     /// exponential; [`Error::Device`] if the device fails; [`Error::Limit`] if [`GpuOptions::vram`] is too little.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, GpuStats)> {
+        pollster::block_on(self.render_async(camera, settings))
+    }
+
+    /// The same as [`GpuRenderer::render`] where nothing may block: gives way while the device draws.
+    ///
+    /// # Errors
+    /// The errors of [`GpuRenderer::render`].
+    pub async fn render_async(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, GpuStats)> {
         // Computing the bounds takes a pass over all tiles; pictures with one sample per pixel do not need them.
         let bounds = if settings.keeps_pixels() { None } else { self.scene.lanes.lane(Axis::X)?.bounds() };
         let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
         let grid = &self.scene.facts.grid;
-        supersampled(grid, bounds, camera, settings, |settings| self.render_probed(camera, settings, None))
+        let Some(supersampling) = Supersampling::of(grid, bounds, camera, settings)? else {
+            return self.one_sample(camera, settings, None).await;
+        };
+        let (samples, stats) = self.one_sample(camera, &supersampling.settings(settings), None).await?;
+        Ok((supersampling.picture(&samples, settings.threads)?, stats))
     }
 
     /// Draws a frame with one sample a pixel, and calls `probe` after each chunk.
@@ -245,15 +273,25 @@ impl<'a> GpuRenderer<'a> {
     /// # Errors
     /// Returns the errors of [`GpuRenderer::render`].
     #[doc(hidden)]
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn render_probed(
         &mut self,
         camera: &Camera,
         settings: &Settings,
         probe: Option<ProbeCallback>,
     ) -> Result<(Frame, GpuStats)> {
+        pollster::block_on(self.one_sample(camera, settings, probe))
+    }
+
+    async fn one_sample(
+        &mut self,
+        camera: &Camera,
+        settings: &Settings,
+        probe: Option<ProbeCallback<'_>>,
+    ) -> Result<(Frame, GpuStats)> {
         check_size(settings.size)?;
         let mut frame = Frame::transparent(settings.size)?;
-        let stats = self.draw(camera, settings, FrameOutput::Frame(&mut frame, probe))?;
+        let stats = self.draw(camera, settings, FrameOutput::Frame(&mut frame, probe)).await?;
         Ok((frame, stats))
     }
 
@@ -264,14 +302,29 @@ impl<'a> GpuRenderer<'a> {
     ///
     /// # Errors
     /// Returns the errors of [`GpuRenderer::render`]; [`Error::Input`] unless the sampling is [`Sampling::EveryPixel`].
+    #[cfg(not(target_arch = "wasm32"))]
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn render_to(&mut self, camera: &Camera, settings: &Settings, target: &RenderTarget) -> Result<GpuStats> {
+        pollster::block_on(self.render_to_async(camera, settings, target))
+    }
+
+    /// The same as [`GpuRenderer::render_to`] where nothing may block: gives way until the device has checked its commands.
+    ///
+    /// # Errors
+    /// The errors of [`GpuRenderer::render_to`].
+    pub async fn render_to_async(
+        &mut self,
+        camera: &Camera,
+        settings: &Settings,
+        target: &RenderTarget<'_>,
+    ) -> Result<GpuStats> {
         if settings.sampling.is_some_and(|sampling| sampling != Sampling::EveryPixel) {
             return Err(Error::input("sampling", "of a texture is of every pixel; supersample by a larger texture"));
         }
-        self.draw(camera, settings, FrameOutput::Texture(target))
+        self.draw(camera, settings, FrameOutput::Texture(target)).await
     }
 
-    fn draw(&mut self, camera: &Camera, settings: &Settings, output: FrameOutput) -> Result<GpuStats> {
+    async fn draw(&mut self, camera: &Camera, settings: &Settings, output: FrameOutput<'_, '_>) -> Result<GpuStats> {
         let start = Instant::now();
         let shot = Shot::new(&self.scene, camera, settings)?;
         if settings.blending != Blending::Exponential {
@@ -285,13 +338,14 @@ impl<'a> GpuRenderer<'a> {
         let fits = settings.size.into_iter().all(|side| side <= context.limits.max_texture_dimension_2d);
         let has_choice = self.options.compositor.is_none();
         self.current = if has_choice && !fits || shot.maximum { Compositor::Tiles } else { self.compositor() };
-        let drawn = context.watch(|| {
+        let work = async || {
             let plan = self.plan(&shot, settings)?;
             self.prepare_looks(&shot, settings, &mut stats)?;
             let list = self.prepare_list(&shot, plan.room, &mut stats)?;
             let plan = plan.for_records(list.records);
-            draw::frame(self, &shot, settings, list, plan, output, &mut stats)
-        });
+            draw::frame(self, &shot, settings, list, plan, output, &mut stats).await
+        };
+        let drawn = context.watch(work).await;
         if let Err(fault) = drawn {
             self.forget_device();
             return Err(fault);

@@ -2,9 +2,8 @@
 //!
 //! In: a window's accumulated pixels, in a buffer (tiles) or in a target (quads). Out: finished pixels.
 
-use std::time::Instant;
-
 use half::f16;
+use web_time::Instant;
 use wgpu::{Extent3d, TexelCopyBufferInfo, TexelCopyBufferLayout};
 
 use super::buffers::{BufferName, FrameBuffers};
@@ -15,7 +14,12 @@ use crate::error::Result;
 pub(super) const COUNTERS: u64 = 4_096; // Number of counters of drawn splats; later chunks use them again.
 
 /// Copies the pixels of a window of `size` (columns and rows) from the device into `out`, the window's part of a frame.
-pub(super) fn window(renderer: &mut GpuRenderer, size: [u32; 2], out: &mut [f32], stats: &mut GpuStats) -> Result<()> {
+pub(super) async fn window(
+    renderer: &mut GpuRenderer<'_>,
+    size: [u32; 2],
+    out: &mut [f32],
+    stats: &mut GpuStats,
+) -> Result<()> {
     let start = Instant::now();
     let (context, compositor) = (renderer.context.clone(), renderer.current);
     let [width, height] = size;
@@ -45,16 +49,17 @@ pub(super) fn window(renderer: &mut GpuRenderer, size: [u32; 2], out: &mut [f32]
     context.submit([encoder.finish()])?;
     let table = &renderer.looks().table;
     let pixels = out.as_chunks_mut::<4>().0;
-    context.read(&back, bytes, |bytes| {
+    let finish = |bytes: &[u8]| {
         let pixel_bytes = target.pixel_bytes() as usize;
         for (row, read) in pixels.chunks_exact_mut(width as usize).zip(bytes.chunks_exact(pitch as usize)) {
             for (pixel, read) in row.iter_mut().zip(read.chunks_exact(pixel_bytes)) {
                 *pixel = table.finish(target.decode(read));
             }
         }
-    })?;
+    };
+    context.read(&back, bytes, finish).await?;
     if let Some(timer) = &mut renderer.timer {
-        let [walk, project, bin, composite] = timer.read(&context)?;
+        let [walk, project, bin, composite] = timer.read(&context).await?;
         stats.walk_ms += walk;
         stats.project_ms += project;
         stats.bin_ms += bin;
@@ -65,13 +70,13 @@ pub(super) fn window(renderer: &mut GpuRenderer, size: [u32; 2], out: &mut [f32]
 }
 
 /// Returns the number of splats that were drawn since the counters were cleared.
-pub(super) fn drawn(buffers: &mut FrameBuffers, context: &Context) -> Result<u64> {
+pub(super) async fn drawn(buffers: &mut FrameBuffers, context: &Context) -> Result<u64> {
     let back = buffers.make(context, BufferName::DrawnBack, 4 * COUNTERS)?;
     let mut encoder = context.encoder("count");
     encoder.copy_buffer_to_buffer(buffers.get(BufferName::Drawn), 0, &back, 0, Some(4 * COUNTERS));
     context.submit([encoder.finish()])?;
     let sum = |bytes: &[u8]| bytes.as_chunks().0.iter().map(|count| u64::from(u32::from_le_bytes(*count))).sum();
-    context.read(&back, 4 * COUNTERS, sum)
+    context.read(&back, 4 * COUNTERS, sum).await
 }
 
 impl QuadFormat {

@@ -77,21 +77,23 @@ impl Timer {
     }
 
     /// Returns the milliseconds since the last reading, indexed by [`Pass`].
-    pub(crate) fn read(&mut self, context: &Context) -> Result<[f64; 4]> {
-        let mut times = [0.0; 4];
+    pub(crate) async fn read(&mut self, context: &Context) -> Result<[f64; 4]> {
         let passes = std::mem::take(&mut self.passes);
         if passes.is_empty() {
-            return Ok(times);
+            return Ok([0.0; 4]);
         }
+        let bytes = 2 * passes.len() as u64 * QUERY_BYTES;
         let period = f64::from(context.queue.get_timestamp_period());
-        context.read(&self.mappable, 2 * passes.len() as u64 * QUERY_BYTES, |bytes| {
+        let read = |bytes: &[u8]| {
+            let mut times = [0.0; 4];
             let ticks = |at: usize| bytes[8 * at..].first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
             for (index, pass) in passes.into_iter().enumerate() {
                 // If the clock was reset during a pass, the pass counts as 0.
                 let ticks = ticks(2 * index + 1).saturating_sub(ticks(2 * index));
                 times[pass as usize] += ticks as f64 * period * 1e-6;
             }
-        })?;
-        Ok(times)
+            times
+        };
+        context.read(&self.mappable, bytes, read).await
     }
 }
