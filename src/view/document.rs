@@ -7,7 +7,7 @@ use adjsplat::Model;
 use adjsplat::error::Result;
 use egui::Context;
 
-use crate::draw::Painter;
+use crate::draw::{Painter, Renderer};
 use crate::editor::ui::EditorState;
 use crate::editor::{Edited, History, StoredValues};
 use crate::look::{Eye, Look};
@@ -55,11 +55,11 @@ pub struct Document {
 }
 
 impl Document {
-    /// Begins to show what was opened, over a background of this colour.
+    /// Begins to show what was opened, over a background of this colour, drawn by `renderer`.
     ///
     /// # Errors
     /// The errors of [`Look::first`].
-    pub fn new(context: &Context, opened: Opened, background: [u8; 3]) -> Result<Document> {
+    pub fn new(context: &Context, opened: Opened, background: [u8; 3], renderer: Renderer) -> Result<Document> {
         let Opened { title, path, is_adj, model, stored } = opened;
         let look = Look::first(&model, background, [800, 800])?;
         let edited = Edited::of(model.transfer(), &stored);
@@ -74,7 +74,7 @@ impl Document {
             before_change: None,
             editor: EditorState::default(),
             missing: Vec::new(),
-            painter: Painter::new(context),
+            painter: Painter::new(context, renderer),
             motion: Motion::default(),
             needs_fit: true,
             held_face: None,

@@ -9,7 +9,6 @@
 pub mod app;
 mod dialog;
 pub mod document;
-pub mod draft_size;
 pub mod draw;
 pub mod editor;
 pub mod look;
@@ -25,8 +24,10 @@ pub mod theme;
 use std::path::PathBuf;
 
 use adjsplat::error::{Error, Result};
+use adjsplat::splat::gpu::adapter;
 
 use app::Viewer;
+use draw::Renderer;
 use recent::RecentFiles;
 
 /// Opens a window that shows these files; returns when it is closed.
@@ -41,10 +42,17 @@ pub fn run(files: Vec<PathBuf>) -> Result<()> {
     let viewport =
         egui::ViewportBuilder::default().with_title("adjsplat").with_inner_size(size).with_app_id("adjsplat");
     let options = eframe::NativeOptions { viewport, ..Default::default() };
-    let create: eframe::AppCreator<'_> =
-        Box::new(move |creation| Ok(Box::new(Window(Viewer::new(&creation.egui_ctx, &files, RecentFiles::of_user())))));
+    let create: eframe::AppCreator<'_> = Box::new(move |creation| {
+        let viewer = Viewer::new(&creation.egui_ctx, &files, RecentFiles::of_user(), renderer());
+        Ok(Box::new(Window(viewer)))
+    });
     eframe::run_native("adjsplat", options, create)
         .map_err(|fault| Error::device(format!("cannot open a window: {fault}; draw pictures with adj render")))
+}
+
+/// Returns what draws pictures: a graphics device, unless all of them are software, which is slower than the processor.
+fn renderer() -> Renderer {
+    if adapter::adapters().iter().any(|facts| !facts.is_software()) { Renderer::Device } else { Renderer::Processor }
 }
 
 struct Window(Viewer);

@@ -194,11 +194,18 @@ fn numbers(ui: &mut Ui, document: &Document) {
         rows.push(("picture", format!("{}, {columns} x {lines}", shown.quality.name())));
         let rate = 1000.0 / shown.milliseconds.max(1e-3);
         rows.push(("drawn in", format!("{:.1} ms, {rate:.0} a second", shown.milliseconds)));
-        rows.push(("splats drawn", shown.stats.splats_drawn.to_string()));
-        rows.push(("voxels walked", (shown.stats.splats_drawn + shown.stats.splats_skipped).to_string()));
+        rows.push(("splats drawn", shown.work.splats.to_string()));
+        rows.push(("voxels walked", shown.work.walked.to_string()));
     }
     rows.push(("order of the walk", order(document)));
-    rows.push(("renderer", "processor".into()));
+    let device = document.painter.shown().and_then(|shown| shown.work.device.clone());
+    match device {
+        Some((name, bytes)) => {
+            rows.push(("renderer", name));
+            rows.push(("memory of the device", megabytes(bytes)));
+        }
+        None => rows.push(("renderer", "processor".into())),
+    }
     egui::Grid::new("numbers").num_columns(2).striped(true).show(ui, |ui| {
         for (name, text) in rows {
             ui.label(name);

@@ -12,6 +12,7 @@ use egui::{CentralPanel, Context, Key, Modifiers, Panel, Theme, Ui};
 
 use crate::dialog::{Dialog, Purpose};
 use crate::document::Document;
+use crate::draw::Renderer;
 use crate::editor::Edited;
 use crate::look::SIDES;
 use crate::navigate::Manner;
@@ -29,6 +30,7 @@ pub struct Viewer {
     savings: Vec<Saving>,
     dialog: Option<Dialog>,
     recent: RecentFiles,
+    renderer: Renderer,
     manner: Manner,
     /// Whether all documents are seen from the same place.
     is_linked: bool,
@@ -47,8 +49,8 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// Creates a viewer that opens these files.
-    pub fn new(context: &Context, files: &[PathBuf], recent: RecentFiles) -> Viewer {
+    /// Creates a viewer that opens these files; `renderer` draws their pictures.
+    pub fn new(context: &Context, files: &[PathBuf], recent: RecentFiles, renderer: Renderer) -> Viewer {
         theme::apply(context);
         let mut viewer = Viewer {
             documents: Vec::new(),
@@ -57,6 +59,7 @@ impl Viewer {
             savings: Vec::new(),
             dialog: None,
             recent,
+            renderer,
             manner: Manner { has_inertia: true, flies: false },
             is_linked: false,
             is_side_by_side: false,
@@ -139,7 +142,7 @@ impl Viewer {
             }
         });
         for (path, result) in opened {
-            match result.and_then(|opened| Document::new(context, opened, background)) {
+            match result.and_then(|opened| Document::new(context, opened, background, self.renderer)) {
                 Ok(document) => {
                     self.recent.add(&path);
                     self.documents.push(document);

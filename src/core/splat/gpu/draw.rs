@@ -115,7 +115,7 @@ impl FrameDraw<'_, '_, '_> {
         let mut uniform = FrameUniform::new(self.shot, window);
         uniform.termination = self.termination;
         uniform.initial_alpha = self.blend.initial_alpha();
-        uniform.uses_magnitude = self.renderer.looks().uses_magnitude.into();
+        uniform.uses_magnitude = self.renderer.looks().on_device.uses_magnitude.into();
         uniform.mask_words = u32::try_from(mask_words(self.plan.slots.into())).expect("few words");
 
         let (context, buffers) = (&self.context, &mut self.renderer.buffers);
@@ -199,7 +199,7 @@ impl FrameDraw<'_, '_, '_> {
     /// Calls the probe, if there is one, with the buffers on the device after a chunk, which consists of `blocks`.
     fn call_probe(&mut self, uniform: &FrameUniform, slab: &Slab, chunk: Chunk, blocks: &[LineBlock]) {
         let (Some(probe), renderer) = (&mut self.probe, &*self.renderer) else { return };
-        let looks = renderer.looks();
+        let looks = &renderer.looks().on_device;
         let buffer = |name: BufferName| renderer.buffers.get(name);
         let has_tiles = renderer.current == Compositor::Tiles;
         probe(&Probe {
@@ -260,7 +260,7 @@ impl FrameDraw<'_, '_, '_> {
         let (context, pipelines, blend) = (self.context.clone(), self.pipelines.clone(), self.blend);
         let device = &context.device;
         let GpuRenderer { buffers, looks, slabs, timer, current, .. } = &mut *self.renderer;
-        let looks = looks.as_ref().expect("a frame begins with its tables");
+        let looks = &looks.as_ref().expect("a frame begins with its tables").on_device;
         let buffer = |name: BufferName| buffers.get(name);
         let [uniform, chunk_buffer] = [BufferName::Uniform, BufferName::Chunk].map(buffer);
         let [voxels, splats] = [BufferName::Voxels, BufferName::Splats].map(buffer);

@@ -8,20 +8,35 @@ use wgpu::Buffer;
 
 use super::context::{Context, STORAGE};
 use crate::arena::Lane;
+use crate::classify::TransferFunction;
 use crate::error::Result;
 use crate::splat::composite::Table;
 use crate::splat::setup::FrameSetup as Shot;
 use crate::splat::{Mode, Scene, Settings};
 
-/// The tables, and the settings that they were made for.
+/// The tables of a frame.
 #[derive(Debug)]
 pub(crate) struct LookTables<'a> {
+    pub(crate) table: Table<'a>, // The processor's table.
+    pub(crate) on_device: LookBuffers,
+}
+
+/// The tables on the device, and what they were made for.
+#[derive(Debug)]
+pub(crate) struct LookBuffers {
     pub(crate) mode: Mode,
     pub(crate) exposure: Option<f32>,
-    pub(crate) table: Table<'a>, // The processor's table.
+    transfer: TransferFunction,
     pub(crate) by_value: Buffer, // By value code: colour and optical depth.
     pub(crate) by_pair: Buffer,  // By value code and magnitude code: optical depth.
     pub(crate) uses_magnitude: bool,
+}
+
+impl LookBuffers {
+    /// Returns whether the tables hold for a frame of this transfer function and these settings.
+    pub(crate) fn hold_for(&self, transfer: &TransferFunction, settings: &Settings) -> bool {
+        (self.mode, self.exposure) == (settings.mode, settings.exposure) && self.transfer == *transfer
+    }
 }
 
 impl<'a> LookTables<'a> {
@@ -32,10 +47,19 @@ impl<'a> LookTables<'a> {
         16 * codes + 4 * pairs
     }
 
-    /// Computes the tables and copies them to the device.
-    pub(crate) fn new(context: &Context, scene: &Scene<'a>, shot: &Shot, settings: &Settings) -> Result<Self> {
+    /// Computes the tables and copies them to the device, unless those that are there hold.
+    pub(crate) fn new(
+        context: &Context,
+        scene: &Scene<'a>,
+        shot: &Shot,
+        settings: &Settings,
+        there: Option<LookBuffers>,
+    ) -> Result<Self> {
         let lane = &shot.lane;
         let table = Table::new(scene, lane, settings, shot.view.mean_voxel)?;
+        if let Some(on_device) = there {
+            return Ok(LookTables { table, on_device });
+        }
         let last = if lane.channels.value_bits == 8 { u16::from(u8::MAX) } else { u16::MAX };
         let uses_magnitude = table.needs_magnitude()
             || lane.shown.is_some_and(|shown| shown.by_magnitude() && lane.channels.magnitude_bits > 0);
@@ -57,10 +81,11 @@ impl<'a> LookTables<'a> {
         let by_value = store("looks", bytemuck::cast_slice(&values))?;
         let by_pair = store("depths", bytemuck::cast_slice(&pairs))?;
         let Settings { mode, exposure, .. } = *settings;
-        Ok(LookTables { mode, exposure, table, by_value, by_pair, uses_magnitude })
+        let transfer = scene.transfer.clone();
+        Ok(LookTables { table, on_device: LookBuffers { mode, exposure, transfer, by_value, by_pair, uses_magnitude } })
     }
 
     pub(crate) fn bytes(&self) -> u64 {
-        self.by_value.size() + self.by_pair.size()
+        self.on_device.by_value.size() + self.on_device.by_pair.size()
     }
 }

@@ -40,7 +40,7 @@ use self::buffers::FrameBuffers;
 use self::context::Context;
 use self::draw::FrameOutput;
 use self::lines::{LaneSize, LineList, list_key};
-use self::looks::LookTables;
+use self::looks::{LookBuffers, LookTables};
 use self::probe::ProbeCallback;
 pub use self::resolve::RenderTarget;
 use self::resolve::ResolvePipeline;
@@ -159,6 +159,7 @@ pub struct GpuRenderer<'a> {
     options: GpuOptions,
     is_software: bool, // Whether the device runs on the processor.
     looks: Option<LookTables<'a>>,
+    kept_looks: Option<LookBuffers>, // Of the renderer before this one.
     list: Option<Arc<LineList>>,
     listed_slab: Option<usize>, // Index of the slab whose lines are on the device.
     slabs: Vec<SlabBuffers>, // On the device: whole lanes, the last used last; or a slab of a lane that is too large.
@@ -201,6 +202,7 @@ impl<'a> GpuRenderer<'a> {
             options,
             is_software,
             looks: None,
+            kept_looks: None,
             list: None,
             listed_slab: None,
             slabs: Vec::new(),
@@ -208,6 +210,24 @@ impl<'a> GpuRenderer<'a> {
             current: Compositor::Tiles,
             resolve: None,
         })
+    }
+
+    /// Lets go of the scene; what is on the device stays there for [`Resident::renderer`].
+    pub fn into_resident(self) -> Resident {
+        Resident {
+            context: self.context,
+            pipelines: self.pipelines,
+            timer: self.timer,
+            options: self.options,
+            is_software: self.is_software,
+            looks: self.looks.map(|looks| looks.on_device).or(self.kept_looks),
+            list: self.list,
+            listed_slab: self.listed_slab,
+            slabs: self.slabs,
+            buffers: self.buffers,
+            current: self.current,
+            resolve: self.resolve,
+        }
     }
 
     /// Changes the transfer function from the next frame on; lanes stay on the device.
@@ -358,7 +378,7 @@ impl<'a> GpuRenderer<'a> {
 
     /// Forgets everything on the device, since some of it may be wrong after an error.
     fn forget_device(&mut self) {
-        (self.looks, self.list, self.resolve) = (None, None, None);
+        (self.looks, self.kept_looks, self.list, self.resolve) = (None, None, None, None);
         self.slabs.clear();
         self.buffers = FrameBuffers::default();
         if let Some(timer) = &mut self.timer {
@@ -380,11 +400,12 @@ impl<'a> GpuRenderer<'a> {
 
     fn prepare_looks(&mut self, shot: &Shot, settings: &Settings, stats: &mut GpuStats) -> Result<()> {
         let start = Instant::now();
-        let wanted = (settings.mode, settings.exposure);
-        if self.looks.as_ref().is_none_or(|looks| (looks.mode, looks.exposure) != wanted) {
+        let hold = |looks: &LookBuffers| looks.hold_for(self.scene.transfer, settings);
+        if !self.looks.as_ref().is_some_and(|looks| hold(&looks.on_device)) {
             // The old tables are freed first: the budget counts one set of tables.
             self.looks = None;
-            self.looks = Some(LookTables::new(&self.context, &self.scene, shot, settings)?);
+            let there = self.kept_looks.take().filter(hold);
+            self.looks = Some(LookTables::new(&self.context, &self.scene, shot, settings, there)?);
         }
         stats.upload_ms += start.elapsed().as_secs_f64() * 1e3;
         Ok(())
@@ -401,6 +422,49 @@ impl<'a> GpuRenderer<'a> {
         stats.line_lists = 1;
         stats.line_list_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(list)
+    }
+}
+
+/// What a renderer keeps on a device from one scene to the next: lanes, pipelines, buffers.
+///
+/// A [`GpuRenderer`] borrows its scene. A window or a page that changes the transfer function while it owns the model keeps
+/// this between pictures.
+#[derive(Debug)]
+pub struct Resident {
+    context: Arc<Context>,
+    pipelines: Arc<Pipelines>,
+    timer: Option<Timer>,
+    options: GpuOptions,
+    is_software: bool,
+    looks: Option<LookBuffers>,
+    list: Option<Arc<LineList>>,
+    listed_slab: Option<usize>,
+    slabs: Vec<SlabBuffers>,
+    buffers: FrameBuffers,
+    current: Compositor,
+    resolve: Option<ResolvePipeline>,
+}
+
+impl Resident {
+    /// Returns a renderer of `scene`, which must have the same voxels as the scene before; its transfer function may be
+    /// another one.
+    pub fn renderer(self, scene: Scene<'_>) -> GpuRenderer<'_> {
+        GpuRenderer {
+            context: self.context,
+            pipelines: self.pipelines,
+            timer: self.timer,
+            scene,
+            options: self.options,
+            is_software: self.is_software,
+            looks: None,
+            kept_looks: self.looks,
+            list: self.list,
+            listed_slab: self.listed_slab,
+            slabs: self.slabs,
+            buffers: self.buffers,
+            current: self.current,
+            resolve: self.resolve,
+        }
     }
 }
 

@@ -61,7 +61,7 @@ pub(super) fn window(renderer: &mut GpuRenderer, window: [i32; 4], target: &Rend
     }
     let (_, pipeline) = renderer.resolve.as_ref().expect("it was just made");
     let table = &renderer.looks().table;
-    let mode = renderer.looks().mode;
+    let mode = renderer.looks().on_device.mode;
     let [red, green, blue] = target.background.unwrap_or_default();
     let background = [red, green, blue, if target.background.is_some() { 1.0 } else { 0.0 }];
     let uniform = ResolveUniform { window, background, mode: mode as u32, last: (RAMP - 1).into(), unused: [0; 2] };

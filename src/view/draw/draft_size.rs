@@ -15,9 +15,9 @@ const SIMILAR: f64 = 0.1;
 
 /// The share of pixels that drafts have, and the times of earlier ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DraftSize {
+pub(super) struct DraftSize {
     /// Share of the view's pixels, above 0, at most 1.
-    pub share: f64,
+    pub(super) share: f64,
     /// Weighted sums of 1, p, t, p p and p t.
     sums: [f64; 5],
 }
@@ -31,12 +31,12 @@ impl Default for DraftSize {
 impl DraftSize {
     /// Returns the columns and rows of a draft of a view of `size` pixels.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "no larger than the view")]
-    pub fn of(&self, size: [u32; 2]) -> [u32; 2] {
+    pub(super) fn of(&self, size: [u32; 2]) -> [u32; 2] {
         size.map(|side| ((f64::from(side) * self.share.sqrt()).round() as u32).max(1))
     }
 
     /// Learns that a draft with this share of pixels took so long.
-    pub fn took(&mut self, milliseconds: f64, share: f64) {
+    pub(super) fn took(&mut self, milliseconds: f64, share: f64) {
         let new = [1.0, share, milliseconds, share * share, share * milliseconds];
         for (sum, new) in self.sums.iter_mut().zip(new) {
             *sum = KEPT * *sum + new;

@@ -1,0 +1,51 @@
+//! Pictures by a graphics device, which keeps the lanes of the model from picture to picture.
+
+use adjsplat::Model;
+use adjsplat::error::{Error, Result};
+use adjsplat::splat::Quality;
+use adjsplat::splat::gpu::{GpuOptions, GpuRenderer, Resident, adapter};
+use egui::ColorImage;
+
+use super::{Work, image, settings};
+use crate::look::Look;
+
+/// What a device keeps of one model.
+#[derive(Default)]
+pub struct Canvas {
+    /// The device's name, and what it keeps.
+    resident: Option<(String, Resident)>,
+}
+
+impl Canvas {
+    /// Returns the picture of a look, over its background. All models must have the same voxels.
+    ///
+    /// After a fault of the device it is opened anew for the next picture.
+    ///
+    /// # Errors
+    /// The errors of the camera, the settings, [`adapter::open_async`] and [`GpuRenderer::render`].
+    pub async fn picture(
+        &mut self,
+        model: &Model,
+        look: &Look,
+        size: [u32; 2],
+        quality: Quality,
+    ) -> Result<(ColorImage, Work)> {
+        let (name, mut renderer) = match self.resident.take() {
+            Some((name, resident)) => (name, resident.renderer(model.scene())),
+            None => {
+                let opened = adapter::open_async(None).await?;
+                let options = GpuOptions::default();
+                let renderer = GpuRenderer::new_async(opened.device, opened.queue, model.scene(), options).await?;
+                (opened.facts.name, renderer)
+            }
+        };
+        let drawn = renderer.render_async(&look.eye.camera()?, &settings(model, look, size, quality)?).await;
+        if !matches!(drawn, Err(Error::Device { .. })) {
+            self.resident = Some((name.clone(), renderer.into_resident()));
+        }
+        let (frame, stats) = drawn?;
+        let walked = stats.splats_drawn + stats.splats_skipped;
+        let device = Some((name, stats.vram_bytes));
+        Ok((image(frame, look, size), Work { splats: stats.splats_drawn, walked, device }))
+    }
+}

@@ -1,0 +1,100 @@
+//! A worker: draws one picture after the other, beside the interface.
+//!
+//! In: requests, of which a newer one replaces those that still wait. Out: pictures. On a desktop a worker is a thread; in
+//! a browser it is a task that gives way while the graphics device draws.
+
+use std::sync::mpsc::Sender;
+
+use adjsplat::Model;
+use adjsplat::error::Result;
+use adjsplat::splat::Quality;
+use egui::{ColorImage, Context};
+use web_time::Instant;
+
+use super::{Canvas, picture};
+use crate::look::Look;
+
+/// What draws the pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Renderer {
+    /// The processor.
+    #[default]
+    Processor,
+    /// The best graphics device.
+    Device,
+}
+
+/// A picture to draw.
+#[derive(Clone)]
+pub(super) struct Request {
+    pub(super) model: Model,
+    pub(super) look: Look,
+    pub(super) size: [u32; 2],
+    pub(super) quality: Quality,
+    /// Counts the looks that were asked for.
+    pub(super) look_index: u64,
+}
+
+/// What drawing a picture took.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Work {
+    /// Splats that were drawn.
+    pub splats: u64,
+    /// Voxels, with stepping voxels, that were walked over.
+    pub walked: u64,
+    /// The device's name and the bytes of its memory in use; `None` for the processor.
+    pub device: Option<(String, u64)>,
+}
+
+/// A picture that was drawn.
+pub(super) struct Drawn {
+    pub(super) look_index: u64,
+    pub(super) quality: Quality,
+    pub(super) milliseconds: f64,
+    pub(super) picture: Result<(ColorImage, Work)>,
+}
+
+/// Draws until it is dropped.
+pub(super) struct Worker {
+    requests: async_channel::Sender<Request>,
+}
+
+impl Worker {
+    pub(super) fn new(renderer: Renderer, results: Sender<Drawn>, context: Context) -> Worker {
+        let (requests, receiver) = async_channel::unbounded();
+        #[cfg(not(target_arch = "wasm32"))]
+        std::thread::spawn(move || pollster::block_on(work(renderer, receiver, results, context)));
+        #[cfg(target_arch = "wasm32")]
+        wasm_bindgen_futures::spawn_local(work(renderer, receiver, results, context));
+        Worker { requests }
+    }
+
+    pub(super) fn ask(&self, request: Request) {
+        // Fails only if the worker panicked: then the last picture stays.
+        let _ = self.requests.try_send(request);
+    }
+}
+
+async fn work(
+    renderer: Renderer,
+    requests: async_channel::Receiver<Request>,
+    results: Sender<Drawn>,
+    context: Context,
+) {
+    let mut canvas = Canvas::default();
+    while let Ok(mut request) = requests.recv().await {
+        while let Ok(newer) = requests.try_recv() {
+            request = newer;
+        }
+        let start = Instant::now();
+        let Request { model, look, size, quality, look_index } = request;
+        let picture = match renderer {
+            Renderer::Processor => picture(&model, &look, size, quality),
+            Renderer::Device => canvas.picture(&model, &look, size, quality).await,
+        };
+        let milliseconds = start.elapsed().as_secs_f64() * 1e3;
+        // Nobody receives once the view is closed.
+        let _ = results.send(Drawn { look_index, quality, milliseconds, picture });
+        context.request_repaint();
+    }
+}
