@@ -29,6 +29,7 @@ mod raw;
 mod render;
 mod renderer;
 mod resources;
+mod serve;
 mod size;
 mod stored;
 mod study;
@@ -78,6 +79,7 @@ enum Command {
     Export(Box<export::Arguments>),
     Render(Box<render::Arguments>),
     View(view::Arguments),
+    Serve(serve::Arguments),
     Compare(compare::Arguments),
     Demo(demo::Arguments),
     #[cfg(feature = "gpu")]
@@ -95,8 +97,8 @@ fn main() -> ExitCode {
     };
     #[cfg(unix)]
     cut_file::catch_cut_files();
-    // A window has nothing to finish: it closes at once.
-    if !matches!(cli.command, Command::View(_)) {
+    // A window and a server have nothing to finish: they end at once.
+    if !matches!(cli.command, Command::View(_) | Command::Serve(_)) {
         progress::catch_interrupts();
     }
     match run(&cli.command) {
@@ -119,6 +121,7 @@ fn run(command: &Command) -> Result<Answer> {
         Command::Export(arguments) => export::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::View(arguments) => view::run(arguments),
+        Command::Serve(arguments) => serve::run(arguments),
         Command::Compare(arguments) => compare::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),
         #[cfg(feature = "gpu")]

@@ -1,9 +1,10 @@
-//! The desktop's dialogs for files, on a thread of their own.
+//! Choosing files: by the desktop's dialogs, on a thread of their own, or by the browser's.
 
-use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, channel};
 
 use egui::Context;
+
+use crate::open::Place;
 
 /// What a file is chosen for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,43 +22,59 @@ pub(crate) enum Purpose {
 /// A dialog that is open.
 pub(crate) struct Dialog {
     purpose: Purpose,
-    result: Receiver<Option<PathBuf>>,
+    result: Receiver<Option<Place>>,
 }
 
 impl Dialog {
-    /// Opens a dialog.
+    /// Opens a dialog. A browser asks for no place to write to: it has a folder for downloads.
     pub(crate) fn begin(purpose: Purpose, context: &Context) -> Dialog {
         let (sender, result) = channel();
         let context = context.clone();
-        std::thread::spawn(move || {
-            let dialog = rfd::FileDialog::new();
-            let path = match purpose {
-                Purpose::OpenFile => dialog.set_title("Open a file or a volume").pick_file(),
-                Purpose::SavePicture => dialog
-                    .set_title("Save the picture")
-                    .set_file_name("picture.png")
-                    .add_filter("Pictures", &["png", "apng", "exr"])
-                    .save_file(),
-                Purpose::LoadTransfer => {
-                    dialog.set_title("Load a transfer function").add_filter("Functions", &["json", "ctbl"]).pick_file()
-                }
-                Purpose::SaveTransfer => {
-                    dialog.set_title("Save the transfer function").set_file_name("transfer.json").save_file()
-                }
-            };
+        crate::background::run(async move || {
+            let place = choose(purpose).await;
             // Nobody receives if the window was closed.
-            let _ = sender.send(path);
+            let _ = sender.send(place);
             context.request_repaint();
         });
         Dialog { purpose, result }
     }
 
     /// Returns what was chosen once the dialog is closed; `None` inside if it was cancelled.
-    pub(crate) fn result(&self) -> Option<(Purpose, Option<PathBuf>)> {
+    pub(crate) fn result(&self) -> Option<(Purpose, Option<Place>)> {
         match self.result.try_recv() {
-            Ok(path) => Some((self.purpose, path)),
+            Ok(place) => Some((self.purpose, place)),
             Err(std::sync::mpsc::TryRecvError::Empty) => None,
             Err(std::sync::mpsc::TryRecvError::Disconnected) => Some((self.purpose, None)),
         }
+    }
+}
+
+#[cfg(not(target_arch = "wasm32"))]
+async fn choose(purpose: Purpose) -> Option<Place> {
+    let dialog = rfd::FileDialog::new();
+    let path = match purpose {
+        Purpose::OpenFile => dialog.set_title("Open a file or a volume").pick_file(),
+        Purpose::SavePicture => dialog
+            .set_title("Save the picture")
+            .set_file_name("picture.png")
+            .add_filter("Pictures", &["png", "apng", "exr"])
+            .save_file(),
+        Purpose::LoadTransfer => {
+            dialog.set_title("Load a transfer function").add_filter("Functions", &["json", "ctbl"]).pick_file()
+        }
+        Purpose::SaveTransfer => {
+            dialog.set_title("Save the transfer function").set_file_name("transfer.json").save_file()
+        }
+    };
+    path.map(Place::Path)
+}
+
+#[cfg(target_arch = "wasm32")]
+async fn choose(purpose: Purpose) -> Option<Place> {
+    match purpose {
+        Purpose::OpenFile => crate::page::choose(".adj").await,
+        Purpose::LoadTransfer => crate::page::choose(".json").await,
+        Purpose::SavePicture => Some(Place::Path("picture.png".into())),
+        Purpose::SaveTransfer => Some(Place::Path("transfer.json".into())),
     }
 }

@@ -1,10 +1,9 @@
 //! An open file: the model, what is looked at, and the edits of its transfer function.
 
-use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, channel};
 
-use adjsplat::Model;
 use adjsplat::error::Result;
+use adjsplat::{Model, TransferFunction};
 use egui::Context;
 
 use crate::draw::{Painter, Renderer};
@@ -12,7 +11,7 @@ use crate::editor::ui::EditorState;
 use crate::editor::{Edited, History, StoredValues};
 use crate::look::{Eye, Look};
 use crate::navigate::Motion;
-use crate::open::Opened;
+use crate::open::{Opened, Place, Wish};
 use crate::pick::{Picked, pick};
 
 /// An open file.
@@ -20,9 +19,11 @@ pub struct Document {
     /// The name on the tab.
     pub title: String,
     /// The file that the model lies in; of a volume, the volume's.
-    pub path: Option<PathBuf>,
-    /// Whether `path` is an .adj file.
+    pub place: Place,
+    /// Whether that is an .adj file.
     pub is_adj: bool,
+    /// Of a file on a server: the bytes that were fetched, and those of the whole file.
+    pub fetched: Option<[u64; 2]>,
     /// The model with the transfer function that is drawn.
     pub model: Model,
     /// How often each value is stored.
@@ -60,13 +61,14 @@ impl Document {
     /// # Errors
     /// The errors of [`Look::first`].
     pub fn new(context: &Context, opened: Opened, background: [u8; 3], renderer: Renderer) -> Result<Document> {
-        let Opened { title, path, is_adj, model, stored } = opened;
+        let Opened { place, is_adj, model, stored, fetched } = opened;
         let look = Look::first(&model, background, [800, 800])?;
         let edited = Edited::of(model.transfer(), &stored);
         Ok(Document {
-            title,
-            path,
+            title: place.name(),
+            place,
             is_adj,
+            fetched,
             model,
             stored,
             look,
@@ -90,6 +92,30 @@ impl Document {
         self.version
     }
 
+    /// Shows the file as `wish` says.
+    ///
+    /// # Errors
+    /// [`adjsplat::Error::Input`] if that cannot be read; the rest is shown.
+    pub fn fulfil(&mut self, wish: &Wish) -> Result<()> {
+        let transfer = wish.transfer.as_deref().map(TransferFunction::from_json).transpose();
+        let eye = wish.view.as_deref().map(|view| self.look.eye.moved_to(view)).transpose();
+        if let Ok(Some(transfer)) = &transfer {
+            self.set_transfer(transfer);
+        }
+        if let Ok(Some(eye)) = eye {
+            (self.look.eye, self.needs_fit) = (eye, false);
+        }
+        transfer.and(eye.map(|_| ()))
+    }
+
+    /// Draws with another transfer function; that can be undone.
+    pub fn set_transfer(&mut self, transfer: &TransferFunction) {
+        let edited = Edited::of(transfer, &self.stored);
+        let before = std::mem::replace(&mut self.edits.now, edited);
+        self.edits.changed_from(before);
+        self.apply();
+    }
+
     /// Draws with the transfer function that the editor holds.
     pub fn apply(&mut self) {
         let changed = self.edits.now.transfer().and_then(|transfer| {
@@ -109,7 +135,7 @@ impl Document {
     pub fn begin_pick(&mut self, context: &Context, origin: glam::DVec3, direction: glam::DVec3) {
         let (sender, receiver) = channel();
         let (model, look, context) = (self.model.clone(), self.look.clone(), context.clone());
-        std::thread::spawn(move || {
+        crate::background::run(async move || {
             // Nobody receives if the document was closed.
             let _ = sender.send(pick(&model, &look, origin, direction));
             context.request_repaint();

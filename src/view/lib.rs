@@ -1,70 +1,47 @@
-//! The viewer of adjsplat: a window in which volumes are turned, cut and coloured.
+//! The viewer of adjsplat: volumes are turned, cut and coloured in a window, or on a page in a browser.
 //!
 //! ```text
 //! open -> document (model, look, edits) -> draw (threads) -> app (view, overlay, panel, editor) -> save
 //! ```
 //!
-//! The interface never waits: files are opened, pictures drawn, voxels picked and pictures saved on threads.
+//! The interface never waits: files are opened, pictures drawn, voxels picked and pictures saved on threads, or in a browser
+//! by tasks that give way.
 
 pub mod app;
+mod background;
+#[cfg(not(target_arch = "wasm32"))]
+mod desktop;
 mod dialog;
 pub mod document;
 pub mod draw;
 pub mod editor;
+#[cfg(target_arch = "wasm32")]
+mod fetch;
+#[cfg(not(target_arch = "wasm32"))]
+mod local;
 pub mod look;
 pub mod navigate;
 pub mod open;
 pub mod overlay;
+#[cfg(target_arch = "wasm32")]
+pub mod page;
 pub mod panel;
 pub mod pick;
 pub mod recent;
 pub mod save;
 pub mod theme;
 
-use std::path::PathBuf;
-
-use adjsplat::error::{Error, Result};
-use adjsplat::splat::gpu::adapter;
+#[cfg(not(target_arch = "wasm32"))]
+pub use desktop::run;
 
 use app::Viewer;
-use draw::Renderer;
-use recent::RecentFiles;
-
-/// Opens a window that shows these files; returns when it is closed.
-///
-/// # Errors
-/// [`Error::Input`] if there is no display; [`Error::Device`] if there is nothing that can draw a window.
-pub fn run(files: Vec<PathBuf>) -> Result<()> {
-    if !has_display() {
-        return Err(Error::input("display", "is missing, so that no window can open; draw pictures with adj render"));
-    }
-    let size = egui::vec2(1280.0, 800.0);
-    let viewport =
-        egui::ViewportBuilder::default().with_title("adjsplat").with_inner_size(size).with_app_id("adjsplat");
-    let options = eframe::NativeOptions { viewport, ..Default::default() };
-    let create: eframe::AppCreator<'_> = Box::new(move |creation| {
-        let viewer = Viewer::new(&creation.egui_ctx, &files, RecentFiles::of_user(), renderer());
-        Ok(Box::new(Window(viewer)))
-    });
-    eframe::run_native("adjsplat", options, create)
-        .map_err(|fault| Error::device(format!("cannot open a window: {fault}; draw pictures with adj render")))
-}
-
-/// Returns what draws pictures: a graphics device, unless all of them are software, which is slower than the processor.
-fn renderer() -> Renderer {
-    if adapter::adapters().iter().any(|facts| !facts.is_software()) { Renderer::Device } else { Renderer::Processor }
-}
 
 struct Window(Viewer);
 
 impl eframe::App for Window {
     fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
         self.0.show(ui);
+        #[cfg(target_arch = "wasm32")]
+        page::publish(&self.0);
     }
-}
-
-/// Returns whether windows can be opened; on other systems than Linux they always can.
-fn has_display() -> bool {
-    let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
-    !cfg!(target_os = "linux") || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
 }

@@ -2,7 +2,7 @@
 //!
 //! In: numbers that mouse, keys and panels change. Out: a [`Camera`] and [`Settings`] for the renderer.
 
-use adjsplat::error::Result;
+use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Camera, ClipPlane, Lighting, Mode, Orbit, Projection, Quality, Settings, Surround, Up};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::{Model, volume::Grid};
@@ -137,6 +137,37 @@ impl Eye {
         self.height = height;
     }
 
+    /// Returns the eye as seven numbers with commas between them: azimuth, elevation, height, angle of view (0 for parallel
+    /// rays), and the target's x, y, z.
+    pub fn to_text(&self) -> String {
+        let [x, y, z] = self.target.to_array();
+        let numbers = [self.azimuth, self.elevation, self.height, self.fov.unwrap_or(0.0), x, y, z];
+        numbers.map(|number| number.to_string()).join(",")
+    }
+
+    /// Returns this eye, moved to where the text of [`Eye::to_text`] says.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for another text, or a number out of its range.
+    pub fn moved_to(self, text: &str) -> Result<Eye> {
+        let wrong = || {
+            let wanted = "azimuth,elevation,height,angle,x,y,z in numbers, with elevation from -90 to 90, height above 0, \
+                angle from 0 to below 180";
+            Error::input("view", format!("is \"{text}\", but must be {wanted}"))
+        };
+        let numbers: Vec<f64> =
+            text.split(',').map(str::parse).collect::<std::result::Result<_, _>>().map_err(|_| wrong())?;
+        let [azimuth, elevation, height, fov, x, y, z] = numbers[..] else { return Err(wrong()) };
+        let is_right = numbers.iter().all(|number| number.is_finite())
+            && elevation.abs() <= 90.0
+            && height > 0.0
+            && (0.0..180.0).contains(&fov);
+        let eye =
+            Eye { target: DVec3::new(x, y, z), azimuth, elevation, height, fov: (fov > 0.0).then_some(fov), ..self };
+        // A camera of these numbers may still be impossible, such as one at infinity.
+        if is_right { eye.camera().map(|_| eye) } else { Err(wrong()) }
+    }
+
     /// Switches between parallel rays and perspective.
     pub fn toggle_perspective(&mut self) {
         self.fov = if self.fov.is_some() { None } else { Some(FIRST_FOV) };
@@ -235,6 +266,22 @@ mod tests {
             assert!(under(&eye).distance(before) < 1e-9 * eye.full_height);
             assert!((eye.height - eye.full_height / 2.5).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn an_eye_comes_back_from_its_text() {
+        for fov in [None, Some(40.0)] {
+            let mut eye = Eye { fov, ..eye() };
+            eye.orbit([33.3, -12.5]);
+            eye.zoom(1.7, [0.1, 0.2]);
+            assert_eq!(self::eye().moved_to(&eye.to_text()).unwrap(), eye);
+        }
+        for text in
+            ["", "1,2,3", "a,0,1,0,0,0,0", "0,91,1,0,0,0,0", "0,0,0,0,0,0,0", "0,0,1,180,0,0,0", "0,0,NaN,0,0,0,0"]
+        {
+            assert!(eye().moved_to(text).is_err(), "{text}");
+        }
+        assert!(eye().moved_to("0,0,1e308,1e-300,1e308,0,0").is_err());
     }
 
     #[test]

@@ -1,64 +1,136 @@
-//! Opening in the background: `.adj` files are mapped, volumes are built.
+//! Opening in the background: `.adj` files are mapped, fetched or copied, volumes are built.
 //!
-//! In: a path. Out: progress, and in the end a model; a volume's is in memory. Opening can be cancelled.
+//! In: a place. Out: progress, and in the end a model; a volume's is in memory. Opening can be cancelled.
 
-use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 
-use adjsplat::build::{Histogram, Observer, Phase, Suggestion};
+use adjsplat::Model;
 use adjsplat::error::{Error, Result};
-use adjsplat::volume::SlabSource;
-use adjsplat::{Build, Model};
-use adjsplat_readers::OpenOptions;
-use egui::Context;
+use egui::{Context, DroppedFileHandle};
 
+use crate::background;
 use crate::editor::StoredValues;
+
+/// Where a file is.
+#[derive(Debug, Clone)]
+pub enum Place {
+    /// On this machine.
+    Path(PathBuf),
+    /// On a server: the address of an `.adj` file. Only a page opens it.
+    Address(String),
+    /// In memory, under this name: an `.adj` file that was chosen in a browser.
+    Bytes(String, Arc<Vec<u8>>),
+    /// Dropped onto a page.
+    Dropped(DroppedFileHandle),
+}
+
+impl Place {
+    /// Returns the name of the file, without folders.
+    pub fn name(&self) -> String {
+        let last = |path: &std::path::Path| {
+            path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
+        };
+        match self {
+            Place::Path(path) => last(path),
+            Place::Address(address) => {
+                let path = address.split(['?', '#']).next().unwrap_or_default();
+                path.rsplit('/').next().unwrap_or_default().to_owned()
+            }
+            Place::Bytes(name, _) => name.clone(),
+            Place::Dropped(file) => last(file.path()),
+        }
+    }
+
+    /// Returns the path, if the file is on this machine.
+    pub fn path(&self) -> Option<&std::path::Path> {
+        if let Place::Path(path) = self { Some(path) } else { None }
+    }
+}
+
+/// How a file is to be shown first.
+#[derive(Debug, Clone, Default)]
+pub struct Wish {
+    /// The eye, as [`Eye::to_text`](crate::look::Eye::to_text) writes it.
+    pub view: Option<String>,
+    /// The transfer function, as JSON.
+    pub transfer: Option<String>,
+}
 
 /// A model that was opened.
 pub struct Opened {
-    pub(crate) title: String,
-    pub(crate) path: Option<PathBuf>,
+    pub(crate) place: Place,
     pub(crate) is_adj: bool,
     pub(crate) model: Model,
     pub(crate) stored: StoredValues,
+    /// Of a file on a server: the bytes that were fetched, and those of the whole file.
+    pub(crate) fetched: Option<[u64; 2]>,
 }
 
 /// A file that is being opened.
 pub struct Opening {
     /// The file.
-    pub path: PathBuf,
+    pub place: Place,
+    /// How it is to be shown.
+    pub wish: Wish,
     progress: Arc<Progress>,
     result: Receiver<Result<Opened>>,
 }
 
 /// How far opening is, shared with the thread that works.
 #[derive(Debug, Default)]
-struct Progress {
+pub(crate) struct Progress {
     phase: AtomicU64,
     /// Thousandths of the phase.
     done: AtomicU64,
     is_cancelled: AtomicBool,
 }
 
-/// What opening does, in its order.
-const PHASES: [&str; 5] = ["Opening", "Looking at the values", "Reading", "Building", "Counting values"];
+impl Progress {
+    /// Says that `done` of `total` of a phase are over.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] if the user cancelled.
+    pub(crate) fn set(&self, phase: Phase, done: u64, total: u64) -> Result<()> {
+        self.phase.store(phase as u64, Ordering::Relaxed);
+        self.done.store(1000 * done / total.max(1), Ordering::Relaxed);
+        if self.is_cancelled.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
+    }
+}
+
+/// What opening does.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Phase {
+    Opening,
+    #[cfg_attr(target_arch = "wasm32", expect(dead_code, reason = "volumes are built on a desktop"))]
+    Looking,
+    #[cfg_attr(target_arch = "wasm32", expect(dead_code, reason = "volumes are built on a desktop"))]
+    Reading,
+    #[cfg_attr(target_arch = "wasm32", expect(dead_code, reason = "volumes are built on a desktop"))]
+    Building,
+    #[cfg_attr(not(target_arch = "wasm32"), expect(dead_code, reason = "pages fetch"))]
+    Fetching,
+    Counting,
+}
+
+/// The names of the phases.
+const PHASES: [&str; 6] = ["Opening", "Looking at the values", "Reading", "Building", "Fetching", "Counting values"];
 
 impl Opening {
-    /// Begins to open a file.
-    pub fn begin(path: &Path, context: &Context) -> Opening {
+    /// Begins to open a file that is to be shown as `wish` says.
+    pub fn begin(place: Place, wish: Wish, context: &Context) -> Opening {
         let (sender, result) = channel();
         let progress = Arc::new(Progress::default());
-        let (own_path, own_progress, context) = (path.to_owned(), progress.clone(), context.clone());
-        std::thread::spawn(move || {
-            let opened = open(&own_path, &own_progress, &context);
+        let (own_place, own_progress, context) = (place.clone(), progress.clone(), context.clone());
+        background::run(async move || {
+            let opened = open(own_place, &own_progress, &context).await;
             // Nobody receives if the window was closed.
             let _ = sender.send(opened);
             context.request_repaint();
         });
-        Opening { path: path.to_owned(), progress, result }
+        Opening { place, wish, progress, result }
     }
 
     /// Returns what is done now, and the share of it that is over.
@@ -68,7 +140,7 @@ impl Opening {
         (PHASES[phase.min(PHASES.len() - 1)], done as f32 / 1000.0)
     }
 
-    /// Asks the thread to stop.
+    /// Asks the work to stop.
     pub fn cancel(&self) {
         self.progress.is_cancelled.store(true, Ordering::Relaxed);
     }
@@ -79,47 +151,43 @@ impl Opening {
     }
 }
 
-fn open(path: &Path, progress: &Progress, context: &Context) -> Result<Opened> {
-    let is_adj = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("adj"));
-    let model = if is_adj { Model::open(path)? } else { build(path, &mut Watch { progress, context })? };
-    progress.phase.store(4, Ordering::Relaxed);
-    let stored = StoredValues::of(&model)?;
-    if progress.is_cancelled.load(Ordering::Relaxed) {
-        return Err(Error::Interrupted);
-    }
-    let title = path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
-    Ok(Opened { title, path: Some(path.to_owned()), is_adj, model, stored })
-}
-
-/// Builds a volume with what its file or its values suggest to show.
-fn build(path: &Path, watch: &mut Watch<'_>) -> Result<Model> {
-    let mut source: Box<dyn SlabSource> = adjsplat_readers::open(path, &OpenOptions::new())?;
-    watch.progress.phase.store(1, Ordering::Relaxed);
-    let suggestion = match Suggestion::stated(&*source)? {
-        Some(stated) => stated,
-        None => Suggestion::of(&Histogram::of(&mut *source, watch)?)?,
-    };
-    Build::new(suggestion.transfer()?).run_observed(source, watch)
-}
-
-struct Watch<'a> {
-    progress: &'a Progress,
-    context: &'a Context,
-}
-
-impl Observer for Watch<'_> {
-    fn progress(&mut self, phase: Phase, done: u64, total: u64) -> ControlFlow<()> {
-        let phase = match phase {
-            Phase::Survey => 1,
-            Phase::Pack => 2,
-            _ => 3,
-        };
-        self.progress.phase.store(phase, Ordering::Relaxed);
-        self.progress.done.store(1000 * done / total.max(1), Ordering::Relaxed);
-        self.context.request_repaint_after(std::time::Duration::from_millis(50));
-        match self.progress.is_cancelled.load(Ordering::Relaxed) {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+async fn open(place: Place, progress: &Progress, context: &Context) -> Result<Opened> {
+    progress.set(Phase::Opening, 0, 1)?;
+    let mut fetched = None;
+    let (model, is_adj) = match &place {
+        #[cfg(not(target_arch = "wasm32"))]
+        Place::Path(path) => crate::local::open(path, progress, context)?,
+        #[cfg(target_arch = "wasm32")]
+        Place::Path(path) => return Err(Error::input(path.display().to_string(), "is no address on a server")),
+        #[cfg(target_arch = "wasm32")]
+        Place::Address(address) => {
+            let (model, bytes) = crate::fetch::model(address, progress, context).await?;
+            fetched = Some(bytes);
+            (model, true)
         }
-    }
+        #[cfg(not(target_arch = "wasm32"))]
+        Place::Address(address) => return Err(Error::input(address, "is opened by the page, not by the desktop")),
+        Place::Bytes(name, bytes) => (model_of(name, bytes.to_vec())?, true),
+        #[cfg(target_arch = "wasm32")]
+        Place::Dropped(file) => {
+            let name = place.name();
+            let bytes = file.bytes_async().await.map_err(|fault| Error::input(&name, fault))?;
+            (model_of(&name, bytes)?, true)
+        }
+        #[cfg(not(target_arch = "wasm32"))]
+        Place::Dropped(file) => crate::local::open(file.path(), progress, context)?,
+    };
+    progress.set(Phase::Counting, 0, 1)?;
+    let stored = StoredValues::of(&model)?;
+    progress.set(Phase::Counting, 1, 1)?;
+    fetched = fetched.filter(|_| is_adj);
+    Ok(Opened { place, is_adj, model, stored, fetched })
+}
+
+/// Returns the model of the bytes of an `.adj` file; faults name the file.
+pub(crate) fn model_of(name: &str, bytes: Vec<u8>) -> Result<Model> {
+    Model::from_bytes(bytes).map_err(|fault| match fault {
+        Error::Format { fault, .. } => Error::Format { path: name.into(), fault },
+        other => other,
+    })
 }

@@ -12,7 +12,7 @@ use crate::navigate::Manner;
 
 /// What the user asked for that the panel itself cannot do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Wish {
+pub enum Request {
     /// To load a transfer function from a file.
     LoadTransfer,
     /// To save the transfer function to a file.
@@ -22,13 +22,13 @@ pub enum Wish {
 }
 
 /// Shows the panel of a document. `size`: the view, in pixels.
-pub fn panel(ui: &mut Ui, document: &mut Document, manner: &mut Manner, size: [u32; 2]) -> Option<Wish> {
+pub fn panel(ui: &mut Ui, document: &mut Document, manner: &mut Manner, size: [u32; 2]) -> Option<Request> {
     let mut wish = None;
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         section(ui, "Transfer function", true, |ui| wish = transfer(ui, document));
         section(ui, "View", true, |ui| {
             if view(ui, document, manner, size) {
-                wish = Some(Wish::Fit);
+                wish = Some(Request::Fit);
             }
         });
         section(ui, "Cut", true, |ui| cut(ui, document));
@@ -45,7 +45,7 @@ fn section(ui: &mut Ui, title: &str, is_open: bool, show: impl FnOnce(&mut Ui)) 
     });
 }
 
-fn transfer(ui: &mut Ui, document: &mut Document) -> Option<Wish> {
+fn transfer(ui: &mut Ui, document: &mut Document) -> Option<Request> {
     let mut wish = None;
     let mut undone = false;
     ui.horizontal_wrapped(|ui| {
@@ -58,10 +58,10 @@ fn transfer(ui: &mut Ui, document: &mut Document) -> Option<Wish> {
             undone = true;
         }
         if ui.button("Load…").on_hover_text("A JSON file, or a colour table of 3D Slicer").clicked() {
-            wish = Some(Wish::LoadTransfer);
+            wish = Some(Request::LoadTransfer);
         }
         if ui.button("Save…").on_hover_text("As the JSON that adj build --tf reads").clicked() {
-            wish = Some(Wish::SaveTransfer);
+            wish = Some(Request::SaveTransfer);
         }
     });
     let before = document.edits.now.clone();
@@ -185,6 +185,9 @@ fn numbers(ui: &mut Ui, document: &Document) {
         rows.push(("file", megabytes(arena.bytes().len() as u64)));
         let lanes: Vec<&str> = arena.lanes().map(|lane| lane.axis.name()).collect();
         rows.push(("stored lanes", lanes.join(", ")));
+    }
+    if let Some([fetched, whole]) = document.fetched {
+        rows.push(("fetched", format!("{} of {}", megabytes(fetched), megabytes(whole))));
     }
     if let Some(resident) = resident_bytes() {
         rows.push(("memory of the program", megabytes(resident)));

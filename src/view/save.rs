@@ -1,5 +1,6 @@
 //! Taking away what is seen: pictures, turntables, the camera, and the command that makes the picture.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -7,12 +8,12 @@ use std::sync::mpsc::{Receiver, channel};
 
 use adjsplat::classify::Colour;
 use adjsplat::error::{Error, Result};
-use adjsplat::file::write_atomically;
 use adjsplat::splat::{Frame, Mode, Quality};
 use adjsplat::{Model, TransferFunction};
 use adjsplat_pictures::{Picture, PictureKind, SampleDepth, write_png};
 use egui::Context;
 
+use crate::draw::{Canvas, Renderer};
 use crate::look::Look;
 
 /// How a picture is saved.
@@ -43,11 +44,18 @@ pub struct Saving {
 
 impl Saving {
     /// Begins to draw and write a picture, whose ending is .png, .apng or .exr.
-    pub fn begin(path: &Path, model: &Model, look: &Look, form: PictureForm, context: &Context) -> Saving {
+    pub fn begin(
+        path: &Path,
+        model: &Model,
+        look: &Look,
+        form: PictureForm,
+        renderer: Renderer,
+        context: &Context,
+    ) -> Saving {
         let (sender, result) = channel();
         let (done, is_cancelled) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(false)));
         let own = (path.to_owned(), model.clone(), look.clone(), context.clone(), done.clone(), is_cancelled.clone());
-        std::thread::spawn(move || {
+        crate::background::run(async move || {
             let (path, model, look, context, done, is_cancelled) = own;
             let step = |frames| {
                 done.store(frames, Ordering::Relaxed);
@@ -55,7 +63,7 @@ impl Saving {
                 if is_cancelled.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
             };
             // Nobody receives if the window was closed.
-            let _ = sender.send(save(&path, &model, &look, form, step));
+            let _ = sender.send(save(&path, &model, &look, form, renderer, step).await);
             context.request_repaint();
         });
         Saving { path: path.to_owned(), frames: form.frames, done, is_cancelled, result }
@@ -79,37 +87,68 @@ impl Saving {
 
 /// Draws a picture, or a full turn, and writes it, as a whole or not at all. `step` is called after each picture.
 ///
+/// A turn goes into one .apng file, or into numbered files beside `path`: picture-000.png and so on.
+///
 /// # Errors
-/// [`Error::Input`] if the ending is unknown or a number is out of its range; the errors of the renderer, of writing, and of
-/// `step`.
-pub fn save(
+/// [`Error::Input`] for another ending; the errors of the renderer, of writing, and of `step`.
+pub async fn save(
     path: &Path,
     model: &Model,
     look: &Look,
     form: PictureForm,
+    renderer: Renderer,
     step: impl Fn(usize) -> Result<()>,
 ) -> Result<()> {
     let kind = PictureKind::of(path)?;
-    if form.frames > 1 && kind != PictureKind::Apng {
-        return Err(Error::input(path.display().to_string(), "must end in .apng for a full turn"));
-    }
     let depth = if form.is_deep { SampleDepth::Sixteen } else { SampleDepth::Eight };
     let settings = look.settings(model.grid(), form.size, form.quality)?;
+    let mut canvas = Canvas::default();
     let mut pictures = Vec::new();
     for index in 0..form.frames {
         let mut eye = look.eye;
         eye.orbit([360.0 * f64::from(index) / f64::from(form.frames), 0.0]);
-        let mut frame: Frame = model.render(&eye.camera()?, &settings)?;
+        let camera = eye.camera()?;
+        let mut frame: Frame = match renderer {
+            Renderer::Processor => model.render(&camera, &settings)?,
+            Renderer::Device => canvas.frame(model, &camera, &settings).await?.0,
+        };
         if !form.is_transparent {
             frame.over(Colour::from_bytes(look.background).linear());
         }
-        pictures.push(Picture::new(&frame, kind, depth));
-        step(pictures.len())?;
+        let picture = Picture::new(&frame, kind, depth);
+        if form.frames > 1 && kind != PictureKind::Apng {
+            write(&numbered(path, index), |out| picture.write(out))?;
+        } else {
+            pictures.push(picture);
+        }
+        step(index as usize + 1)?;
     }
-    write_atomically(path, |out| match kind {
-        PictureKind::Apng => write_png(out, &pictures),
-        _ => pictures[0].write(out),
-    })
+    match kind {
+        PictureKind::Apng => write(path, |out| write_png(out, &pictures)),
+        _ => pictures.first().map_or(Ok(()), |picture| write(path, |out| picture.write(out))),
+    }
+}
+
+/// Returns the path of a turn's picture: picture-007.png for picture.png.
+fn numbered(path: &Path, index: u32) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = path.extension().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}-{index:03}.{ending}"))
+}
+
+/// Writes a file as a whole or not at all; in a browser it is downloaded.
+///
+/// # Errors
+/// The errors of writing.
+pub(crate) fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
+    #[cfg(target_arch = "wasm32")]
+    {
+        let mut bytes = Vec::new();
+        content(&mut bytes).map_err(Error::io("encode", path))?;
+        crate::page::download(&path.to_string_lossy(), &bytes)
+    }
+    #[cfg(not(target_arch = "wasm32"))]
+    adjsplat::file::write_atomically(path, |out| content(out))
 }
 
 /// Returns the camera as the JSON that `adj render --camera` reads.

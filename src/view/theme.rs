@@ -4,6 +4,8 @@ use egui::{Color32, Context, CornerRadius, Stroke, TextStyle, Theme, Visuals, ve
 
 /// Sets the look of the interface.
 pub fn apply(context: &Context) {
+    #[cfg(target_arch = "wasm32")]
+    context.set_fonts(fonts());
     context.set_visuals_of(Theme::Dark, dark());
     context.set_visuals_of(Theme::Light, light());
     for theme in [Theme::Dark, Theme::Light] {
@@ -18,6 +20,20 @@ pub fn apply(context: &Context) {
             }
         });
     }
+}
+
+/// Returns the fonts of a page: without those of pictographs, which have more bytes than all the rest.
+#[cfg(target_arch = "wasm32")]
+fn fonts() -> egui::FontDefinitions {
+    use egui::{FontData, FontDefinitions, FontFamily};
+    let mut fonts = FontDefinitions::empty();
+    let known = [("text", epaint_default_fonts::UBUNTU_LIGHT), ("fixed", epaint_default_fonts::HACK_REGULAR)];
+    for (name, bytes) in known {
+        fonts.font_data.insert(name.into(), std::sync::Arc::new(FontData::from_static(bytes)));
+    }
+    fonts.families.insert(FontFamily::Proportional, vec!["text".into(), "fixed".into()]);
+    fonts.families.insert(FontFamily::Monospace, vec!["fixed".into(), "text".into()]);
+    fonts
 }
 
 /// Returns the colour behind a volume in this theme, sRGB.

@@ -5,6 +5,7 @@ mod classify;
 mod classify_fields;
 mod edits;
 mod file;
+mod first_lane;
 mod format;
 mod lanes;
 mod layers;

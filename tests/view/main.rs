@@ -150,8 +150,8 @@ fn a_graphics_device_draws_the_same_picture() {
         let (image, _) = pollster::block_on(drawn).unwrap();
         let (want, work) = picture(&model, &document.look, [300, 200], Quality::High).unwrap();
         let ratio = decibels(&image, &want);
-        // Measured 57 dB: some of the 8-bit samples differ by 1.
-        assert!(ratio > 50.0 && work.device.is_none(), "{ratio} dB");
+        // Measured 87 dB: of the 8-bit samples, one in hundreds differs by 1.
+        assert!(ratio > 70.0 && work.device.is_none(), "{ratio} dB");
     }
 }
 
@@ -346,14 +346,21 @@ fn saved_pictures_have_their_size_and_a_turn_its_frames() {
     let look = Look::first(&model, [10, 20, 30], [64, 48]).unwrap();
     let form =
         PictureForm { size: [64, 48], is_transparent: false, is_deep: true, quality: Quality::Standard, frames: 1 };
-    let save = |name: &str, form| save(&folder.path().join(name), &model, &look, form, |_| Ok(()));
+    let save = |name: &str, form| {
+        let path = folder.path().join(name);
+        pollster::block_on(save(&path, &model, &look, form, Renderer::Processor, |_| Ok(())))
+    };
     save("a.png", form).unwrap();
     let read = adjsplat_pictures::read_picture(&folder.path().join("a.png")).unwrap();
     assert_eq!(read.size(), [64, 48]);
     save("turn.apng", PictureForm { frames: 3, is_deep: false, ..form }).unwrap();
     let bytes = std::fs::read(folder.path().join("turn.apng")).unwrap();
     assert_eq!(bytes.windows(4).filter(|chunk| chunk == b"fcTL").count(), 3);
-    let refused = save("turn.png", PictureForm { frames: 3, ..form }).unwrap_err();
-    assert!(refused.to_string().ends_with("must end in .apng for a full turn"));
+    save("turn.png", PictureForm { frames: 3, ..form }).unwrap();
+    let turned = ["turn-000.png", "turn-001.png", "turn-002.png"]
+        .map(|name| adjsplat_pictures::read_picture(&folder.path().join(name)).unwrap());
+    assert!(turned[0].pixels() == read.pixels() && turned[1].pixels() != read.pixels());
     assert!(!folder.path().join("turn.png").exists());
+    let refused = save("turn.gif", form).unwrap_err().to_string();
+    assert!(refused.contains("turn.gif"), "{refused}");
 }

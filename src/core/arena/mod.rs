@@ -6,6 +6,7 @@
 
 mod check;
 mod curve;
+mod first_lane;
 pub(crate) mod lane;
 mod lane_rows;
 pub(crate) mod lanes;
@@ -24,6 +25,7 @@ pub(crate) mod visible;
 
 pub use check::{Checked, CheckedLane};
 pub use curve::TileOrder;
+pub use first_lane::FirstLane;
 pub use lane::{Lane, LineEnds, LineSpan};
 pub use lane_rows::LaneRows;
 pub use lanes::LaneSet;

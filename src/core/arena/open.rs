@@ -54,14 +54,17 @@ macro_rules! at {
     };
 }
 
-impl<'a> Arena<'a> {
-    /// Opens an arena: checks header, section table and the bounds of sections, in O(number of sections).
-    ///
-    /// The content of sections is not checked. Walks are safe on any content; [`Arena::check`] tells if it is valid.
-    ///
-    /// # Errors
-    /// The first broken rule of `formats/adj-1.md` among R1 to R11.
-    pub fn new(bytes: &'a [u8]) -> Result<Arena<'a>, FormatFault> {
+/// What stands at the beginning of a file.
+pub(super) struct Head<'a> {
+    pub(super) header: FileHeader,
+    pub(super) table: &'a [SectionEntry],
+    facts: Facts,
+    checksum: u64,
+}
+
+impl<'a> Head<'a> {
+    /// Reads and checks the beginning, `bytes`, of a file of `len` bytes. R1 to R9, and R10 and R11 of the section table.
+    pub(super) fn new(bytes: &'a [u8], len: u64) -> Result<Head<'a>, FormatFault> {
         let magic = bytes.get(..MAGIC.len()).unwrap_or(bytes);
         if magic != MAGIC {
             return Err(fault(0, "R1", "the first bytes of an .adj file", format!("{magic:02x?}")));
@@ -74,9 +77,9 @@ impl<'a> Arena<'a> {
             let expected = format!("major version {MAJOR}: update adjsplat, or rebuild the file with this version");
             return Err(fault(at!(header.major), "R2", expected, format!("version {}", header.major)));
         }
-        if header.file_bytes.get() != bytes.len() as u64 {
+        if header.file_bytes.get() != len {
             let expected = format!("{} bytes, as the header says", header.file_bytes);
-            let got = format!("{} bytes: the file was cut or grew; rebuild or copy it again", bytes.len());
+            let got = format!("{len} bytes: the file was cut or grew; rebuild or copy it again");
             return Err(fault(at!(header.file_bytes), "R4", expected, got));
         }
         let count = header.section_count.get();
@@ -87,14 +90,27 @@ impl<'a> Arena<'a> {
             let expected = format!("a table of {count} sections");
             return Err(fault(at!(header.section_count), "R5", expected, "the end of the file"));
         };
-        let sum = header_checksum(&header, table);
-        if sum != header.header_xxh3.get() {
+        let checksum = header_checksum(&header, table);
+        if checksum != header.header_xxh3.get() {
             let got = format!("{:#018x}: the header is damaged; rebuild or copy the file again", header.header_xxh3);
-            return Err(fault(at!(header.header_xxh3), "R3", format!("checksum {sum:#018x}"), got));
+            return Err(fault(at!(header.header_xxh3), "R3", format!("checksum {checksum:#018x}"), got));
         }
         let facts = facts_of(&header)?;
-        check_table(table, bytes.len() as u64, &facts)?;
-        let mut arena = Arena { bytes, facts, fingerprint: sum, sections: table, lanes: [None; 3], pager: None };
+        check_table(table, len, &facts)?;
+        Ok(Head { header, table, facts, checksum })
+    }
+}
+
+impl<'a> Arena<'a> {
+    /// Opens an arena: checks header, section table and the bounds of sections, in O(number of sections).
+    ///
+    /// The content of sections is not checked. Walks are safe on any content; [`Arena::check`] tells if it is valid.
+    ///
+    /// # Errors
+    /// The first broken rule of `formats/adj-1.md` among R1 to R11.
+    pub fn new(bytes: &'a [u8]) -> Result<Arena<'a>, FormatFault> {
+        let Head { table, facts, checksum, .. } = Head::new(bytes, bytes.len() as u64)?;
+        let mut arena = Arena { bytes, facts, fingerprint: checksum, sections: table, lanes: [None; 3], pager: None };
         for axis in Axis::ALL {
             arena.lanes[axis.index()] = arena.lane_of(axis)?;
         }

@@ -10,6 +10,7 @@ use crate::dialog::{Dialog, Purpose};
 use crate::document::Document;
 use crate::editor::Edited;
 use crate::editor::ui::number;
+use crate::open::Place;
 use crate::save::{camera_json, command};
 
 impl Viewer {
@@ -31,7 +32,7 @@ impl Viewer {
                 for path in paths {
                     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
                     if ui.button(name).on_hover_text(path.display().to_string()).clicked() {
-                        self.open(&context, &path);
+                        self.open(&context, Place::Path(path));
                         ui.close();
                     }
                 }
@@ -48,6 +49,10 @@ impl Viewer {
                     }
                     if ui.button("Camera as JSON").clicked() {
                         self.copy(&context, false);
+                        ui.close();
+                    }
+                    if cfg!(target_arch = "wasm32") && ui.button("Link to this view").clicked() {
+                        self.copy_link(&context);
                         ui.close();
                     }
                 });
@@ -72,12 +77,10 @@ impl Viewer {
 
     fn copy(&mut self, context: &Context, is_command: bool) {
         let Some(document) = self.documents.get(self.active) else { return };
-        let stored = transfer_in_file(document);
-        let text = match (is_command, &document.path) {
+        let text = match (is_command, document.place.path()) {
             (true, Some(path)) => {
-                let transfer = document.model.transfer();
-                let other = Some(transfer).filter(|transfer| stored.as_ref() != Some(transfer));
-                command(path, &document.look, &document.model, self.view_size, Quality::High, other)
+                let other = changed_transfer(document);
+                command(path, &document.look, &document.model, self.view_size, Quality::High, other.as_ref())
             }
             (true, None) => Err(Error::input("the model", "lies in no file that a command could name")),
             (false, _) => camera_json(&document.look),
@@ -88,6 +91,27 @@ impl Viewer {
                 ("Copied to the clipboard".into(), false)
             }
             Err(fault) => (full(&fault), true),
+        });
+    }
+
+    /// Copies a link that opens the page with this file, view and transfer function.
+    fn copy_link(&mut self, context: &Context) {
+        let Some(document) = self.documents.get(self.active) else { return };
+        let link = match (&document.place, changed_transfer(document)) {
+            #[cfg(target_arch = "wasm32")]
+            (Place::Address(file), transfer) => crate::page::link(
+                file,
+                &document.look.eye.to_text(),
+                transfer.map(|transfer| transfer.to_json()).as_deref(),
+            ),
+            _ => None,
+        };
+        self.message = Some(match link {
+            Some(link) => {
+                context.copy_text(link);
+                ("Copied to the clipboard".into(), false)
+            }
+            None => ("a file that was dropped or chosen lies on no server that a link could name".into(), true),
         });
     }
 
@@ -118,8 +142,7 @@ impl Viewer {
         ui.horizontal_wrapped(|ui| {
             for opening in &self.openings {
                 let (phase, share) = opening.progress();
-                let name = opening.path.file_name().unwrap_or_default().to_string_lossy();
-                ui.label(format!("{phase}: {name}"));
+                ui.label(format!("{phase}: {}", opening.place.name()));
                 ui.add(ProgressBar::new(share).desired_width(140.0));
                 if ui.button("Cancel").clicked() {
                     opening.cancel();
@@ -142,12 +165,12 @@ impl Viewer {
     }
 }
 
-/// Returns the transfer function that the file of a document holds.
-fn transfer_in_file(document: &Document) -> Option<TransferFunction> {
-    if !document.is_adj {
-        return None;
-    }
-    document.model.arena().ok().and_then(|arena| adjsplat::internals::stored_transfer(&arena))
+/// Returns the transfer function that a document is drawn with, unless the file holds the same.
+fn changed_transfer(document: &Document) -> Option<TransferFunction> {
+    let arena = document.model.arena().ok().filter(|_| document.is_adj);
+    let stored = arena.and_then(|arena| adjsplat::internals::stored_transfer(&arena));
+    let transfer = document.model.transfer();
+    (stored.as_ref() != Some(transfer)).then(|| transfer.clone())
 }
 
 /// Returns a line about the picked voxel, or else about the file.

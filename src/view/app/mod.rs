@@ -4,22 +4,21 @@ mod menu;
 mod views;
 mod windows;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use adjsplat::TransferFunction;
-use adjsplat::error::Error;
+use adjsplat::error::{Error, Result};
 use egui::{CentralPanel, Context, Key, Modifiers, Panel, Theme, Ui};
 
 use crate::dialog::{Dialog, Purpose};
 use crate::document::Document;
 use crate::draw::Renderer;
-use crate::editor::Edited;
 use crate::look::SIDES;
 use crate::navigate::Manner;
-use crate::open::Opening;
-use crate::panel::{Wish, panel};
+use crate::open::{Opening, Place, Wish};
+use crate::panel::{Request, panel};
 use crate::recent::RecentFiles;
-use crate::save::{PictureForm, Saving};
+use crate::save::{PictureForm, Saving, write};
 use crate::theme;
 
 /// The viewer.
@@ -71,18 +70,28 @@ impl Viewer {
             view_size: [800, 600],
             was_dark: None,
         };
-        files.iter().for_each(|file| viewer.open(context, file));
+        files.iter().for_each(|file| viewer.open(context, Place::Path(file.clone())));
         viewer
     }
 
     /// Begins to open a file.
-    pub fn open(&mut self, context: &Context, path: &Path) {
-        self.openings.push(Opening::begin(path, context));
+    pub fn open(&mut self, context: &Context, place: Place) {
+        self.open_as(context, place, Wish::default());
+    }
+
+    /// Begins to open a file that is to be shown as `wish` says.
+    pub fn open_as(&mut self, context: &Context, place: Place, wish: Wish) {
+        self.openings.push(Opening::begin(place, wish, context));
     }
 
     /// Returns the open documents, in the order of their tabs.
     pub fn documents(&self) -> &[Document] {
         &self.documents
+    }
+
+    /// Returns the document of the tab that is shown.
+    pub fn active(&self) -> Option<&Document> {
+        self.documents.get(self.active)
     }
 
     /// Returns the last message, such as why a file could not be opened.
@@ -104,8 +113,8 @@ impl Viewer {
         Panel::bottom("status").show(ui, |ui| self.status(ui));
         if self.has_panel && !self.documents.is_empty() {
             Panel::right("panel").default_size(330.0).min_size(290.0).max_size(520.0).show(ui, |ui| {
-                let wish = panel(ui, &mut self.documents[self.active], &mut self.manner, self.view_size);
-                self.fulfil(&context, wish);
+                let request = panel(ui, &mut self.documents[self.active], &mut self.manner, self.view_size);
+                self.answer(&context, request);
             });
         }
         CentralPanel::no_frame().show(ui, |ui| self.views(ui));
@@ -125,9 +134,8 @@ impl Viewer {
     }
 
     fn take_dropped(&mut self, context: &Context) {
-        let dropped: Vec<PathBuf> =
-            context.input(|input| input.raw.dropped_files.iter().map(|file| file.path().to_owned()).collect());
-        dropped.iter().for_each(|path| self.open(context, path));
+        let dropped = context.input(|input| input.raw.dropped_files.clone());
+        dropped.into_iter().for_each(|file| self.open(context, Place::Dropped(file)));
     }
 
     /// Takes what threads and dialogs have finished.
@@ -137,19 +145,21 @@ impl Viewer {
         self.openings.retain(|opening| match opening.result() {
             None => true,
             Some(result) => {
-                opened.push((opening.path.clone(), result));
+                opened.push((opening.place.clone(), opening.wish.clone(), result));
                 false
             }
         });
-        for (path, result) in opened {
+        for (place, wish, result) in opened {
             match result.and_then(|opened| Document::new(context, opened, background, self.renderer)) {
-                Ok(document) => {
-                    self.recent.add(&path);
+                Ok(mut document) => {
+                    if let Some(path) = document.place.path() {
+                        self.recent.add(path);
+                    }
+                    self.message = document.fulfil(&wish).err().map(|fault| (full(&fault), true));
                     self.documents.push(document);
                     self.active = self.documents.len() - 1;
-                    self.message = None;
                 }
-                Err(Error::Interrupted) => self.message = Some((format!("{} was not opened", path.display()), false)),
+                Err(Error::Interrupted) => self.message = Some((format!("{} was not opened", place.name()), false)),
                 Err(fault) => self.message = Some((full(&fault), true)),
             }
         }
@@ -168,38 +178,35 @@ impl Viewer {
                 Err(fault) => (full(&fault), true),
             });
         }
-        if let Some((purpose, path)) = self.dialog.as_ref().and_then(Dialog::result) {
+        if let Some((purpose, place)) = self.dialog.as_ref().and_then(Dialog::result) {
             self.dialog = None;
-            if let Some(path) = path {
-                self.chosen(context, purpose, &path);
+            if let Some(place) = place {
+                self.chosen(context, purpose, place);
             }
         }
         self.documents.iter_mut().for_each(Document::finish_pick);
     }
 
     /// Does what a file was chosen for.
-    fn chosen(&mut self, context: &Context, purpose: Purpose, path: &Path) {
+    fn chosen(&mut self, context: &Context, purpose: Purpose, place: Place) {
         if purpose == Purpose::OpenFile {
-            return self.open(context, path);
+            return self.open(context, place);
         }
+        let path = place.path().unwrap_or("".as_ref());
+        let renderer = self.saving_renderer();
         let Some(document) = self.documents.get_mut(self.active) else { return };
         let result = match purpose {
             Purpose::OpenFile => Ok(()),
             Purpose::SavePicture => {
                 if let Some(form) = self.form {
-                    self.savings.push(Saving::begin(path, &document.model, &document.look, form, context));
+                    self.savings.push(Saving::begin(path, &document.model, &document.look, form, renderer, context));
                 }
                 Ok(())
             }
-            Purpose::LoadTransfer => TransferFunction::read(path).map(|transfer| {
-                let edited = Edited::of(&transfer, &document.stored);
-                let before = std::mem::replace(&mut document.edits.now, edited);
-                document.edits.changed_from(before);
-                document.apply();
-            }),
+            Purpose::LoadTransfer => transfer_at(&place).map(|transfer| document.set_transfer(&transfer)),
             Purpose::SaveTransfer => {
                 let text = document.model.transfer().to_json();
-                adjsplat::file::write_atomically(path, |out| out.write_all(text.as_bytes()))
+                write(path, |out| out.write_all(text.as_bytes()))
             }
         };
         if let Err(fault) = result {
@@ -207,11 +214,11 @@ impl Viewer {
         }
     }
 
-    fn fulfil(&mut self, context: &Context, wish: Option<Wish>) {
-        match wish {
-            Some(Wish::LoadTransfer) => self.dialog = Some(Dialog::begin(Purpose::LoadTransfer, context)),
-            Some(Wish::SaveTransfer) => self.dialog = Some(Dialog::begin(Purpose::SaveTransfer, context)),
-            Some(Wish::Fit) => self.documents[self.active].fit(self.view_size),
+    fn answer(&mut self, context: &Context, request: Option<Request>) {
+        match request {
+            Some(Request::LoadTransfer) => self.dialog = Some(Dialog::begin(Purpose::LoadTransfer, context)),
+            Some(Request::SaveTransfer) => self.dialog = Some(Dialog::begin(Purpose::SaveTransfer, context)),
+            Some(Request::Fit) => self.documents[self.active].fit(self.view_size),
             None => {}
         }
     }
@@ -254,9 +261,26 @@ impl Viewer {
         }
     }
 
+    /// Returns what draws pictures that are saved: on a desktop the processor, whose pictures are those of `adj render` bit
+    /// for bit.
+    fn saving_renderer(&self) -> Renderer {
+        if cfg!(target_arch = "wasm32") { self.renderer } else { Renderer::Processor }
+    }
+
     fn close(&mut self, index: usize) {
         self.documents.remove(index);
         self.active = self.active.min(self.documents.len().saturating_sub(1));
+    }
+}
+
+/// Reads the transfer function at a place.
+fn transfer_at(place: &Place) -> Result<TransferFunction> {
+    match place {
+        Place::Bytes(name, bytes) => {
+            let text = std::str::from_utf8(bytes).map_err(|_| Error::input(name, "is no text"))?;
+            TransferFunction::from_json(text)
+        }
+        _ => TransferFunction::read(place.path().unwrap_or("".as_ref())),
     }
 }
 

@@ -1,13 +1,12 @@
 //! The windows for a typed path and for saving a picture.
 
-use std::path::Path;
-
 use adjsplat::splat::Quality;
 use egui::{Button, Context, DragValue, Key, Window};
 
 use super::Viewer;
 use crate::dialog::{Dialog, Purpose};
 use crate::editor::ui::choose;
+use crate::open::Place;
 use crate::panel::QUALITIES;
 use crate::save::PictureForm;
 
@@ -36,7 +35,10 @@ impl Viewer {
             });
         let text = text.trim().to_owned();
         if chosen && !text.is_empty() {
-            self.open(context, Path::new(&text));
+            self.open(
+                context,
+                if cfg!(target_arch = "wasm32") { Place::Address(text) } else { Place::Path(text.into()) },
+            );
         }
         if !is_open || chosen || context.input(|input| input.key_pressed(Key::Escape)) {
             self.typed_path = None;
@@ -72,8 +74,12 @@ impl Viewer {
                 ui.checkbox(&mut form.is_transparent, "Transparent background");
                 ui.checkbox(&mut form.is_deep, "16 bits a sample");
                 ui.add(DragValue::new(&mut form.frames).range(1..=3600).prefix("pictures of a full turn: "));
-                let ending = if form.frames > 1 { ".apng" } else { ".png or .exr (linear, 32-bit float)" };
-                ui.small(format!("The name must end in {ending}."));
+                let endings = if form.frames > 1 {
+                    "The name ends in .apng for one file, in .png or .exr (linear, 32-bit float) for numbered files."
+                } else {
+                    "The name ends in .png or .exr (linear, 32-bit float)."
+                };
+                ui.small(endings);
                 saves = ui.add(Button::new("Choose a file…")).clicked();
             });
         if saves {

@@ -2,8 +2,8 @@
 
 use adjsplat::Model;
 use adjsplat::error::{Error, Result};
-use adjsplat::splat::Quality;
 use adjsplat::splat::gpu::{GpuOptions, GpuRenderer, Resident, adapter};
+use adjsplat::splat::{Camera, Frame, Quality, Settings};
 use egui::ColorImage;
 
 use super::{Work, image, settings};
@@ -19,10 +19,8 @@ pub struct Canvas {
 impl Canvas {
     /// Returns the picture of a look, over its background. All models must have the same voxels.
     ///
-    /// After a fault of the device it is opened anew for the next picture.
-    ///
     /// # Errors
-    /// The errors of the camera, the settings, [`adapter::open_async`] and [`GpuRenderer::render`].
+    /// The errors of the camera, the settings and [`Canvas::frame`].
     pub async fn picture(
         &mut self,
         model: &Model,
@@ -30,6 +28,18 @@ impl Canvas {
         size: [u32; 2],
         quality: Quality,
     ) -> Result<(ColorImage, Work)> {
+        let settings = settings(model, look, size, quality)?;
+        let (frame, work) = self.frame(model, &look.eye.camera()?, &settings).await?;
+        Ok((image(frame, look, size), work))
+    }
+
+    /// Draws a frame. All models must have the same voxels.
+    ///
+    /// After a fault of the device it is opened anew for the next frame.
+    ///
+    /// # Errors
+    /// The errors of [`adapter::open_async`] and [`GpuRenderer::render`].
+    pub async fn frame(&mut self, model: &Model, camera: &Camera, settings: &Settings) -> Result<(Frame, Work)> {
         let (name, mut renderer) = match self.resident.take() {
             Some((name, resident)) => (name, resident.renderer(model.scene())),
             None => {
@@ -39,13 +49,12 @@ impl Canvas {
                 (opened.facts.name, renderer)
             }
         };
-        let drawn = renderer.render_async(&look.eye.camera()?, &settings(model, look, size, quality)?).await;
+        let drawn = renderer.render_async(camera, settings).await;
         if !matches!(drawn, Err(Error::Device { .. })) {
             self.resident = Some((name.clone(), renderer.into_resident()));
         }
         let (frame, stats) = drawn?;
         let walked = stats.splats_drawn + stats.splats_skipped;
-        let device = Some((name, stats.vram_bytes));
-        Ok((image(frame, look, size), Work { splats: stats.splats_drawn, walked, device }))
+        Ok((frame, Work { splats: stats.splats_drawn, walked, device: Some((name, stats.vram_bytes)) }))
     }
 }

@@ -9,6 +9,7 @@ mod device;
 mod draft_size;
 mod worker;
 
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 
 use adjsplat::Model;
@@ -55,6 +56,7 @@ pub struct Painter {
     asked_quality: Quality,
     draft_size: DraftSize,
     texture: Option<TextureHandle>,
+    image: Option<Arc<ColorImage>>,
     shown: Option<Shown>,
     fault: Option<String>,
 }
@@ -75,6 +77,7 @@ impl Painter {
             asked_quality: Quality::Draft,
             draft_size: DraftSize::default(),
             texture: None,
+            image: None,
             shown: None,
             fault: None,
         }
@@ -122,6 +125,11 @@ impl Painter {
         self.shown.as_ref()
     }
 
+    /// Returns the picture that is shown.
+    pub fn image(&self) -> Option<Arc<ColorImage>> {
+        self.image.clone()
+    }
+
     /// Returns why the last picture could not be drawn.
     pub fn fault(&self) -> Option<&str> {
         self.fault.as_deref()
@@ -154,6 +162,8 @@ impl Painter {
                 Ok((image, work)) => {
                     self.fault = None;
                     self.shown = Some(Shown { quality, size: image.size, milliseconds, work, look_index });
+                    let image = Arc::new(image);
+                    self.image = Some(image.clone());
                     match &mut self.texture {
                         Some(texture) => texture.set(image, TextureOptions::LINEAR),
                         None => {

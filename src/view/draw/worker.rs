@@ -12,6 +12,7 @@ use egui::{ColorImage, Context};
 use web_time::Instant;
 
 use super::{Canvas, picture};
+use crate::background;
 use crate::look::Look;
 
 /// What draws the pictures.
@@ -62,10 +63,7 @@ pub(super) struct Worker {
 impl Worker {
     pub(super) fn new(renderer: Renderer, results: Sender<Drawn>, context: Context) -> Worker {
         let (requests, receiver) = async_channel::unbounded();
-        #[cfg(not(target_arch = "wasm32"))]
-        std::thread::spawn(move || pollster::block_on(work(renderer, receiver, results, context)));
-        #[cfg(target_arch = "wasm32")]
-        wasm_bindgen_futures::spawn_local(work(renderer, receiver, results, context));
+        background::run(move || work(renderer, receiver, results, context));
         Worker { requests }
     }
 

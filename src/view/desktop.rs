@@ -1,0 +1,42 @@
+//! The window of a desktop.
+
+use std::path::PathBuf;
+
+use adjsplat::error::{Error, Result};
+use adjsplat::splat::gpu::adapter;
+
+use crate::Window;
+use crate::app::Viewer;
+use crate::draw::Renderer;
+use crate::recent::RecentFiles;
+
+/// Opens a window that shows these files; returns when it is closed.
+///
+/// # Errors
+/// [`Error::Input`] if there is no display; [`Error::Device`] if there is nothing that can draw a window.
+pub fn run(files: Vec<PathBuf>) -> Result<()> {
+    if !has_display() {
+        return Err(Error::input("display", "is missing, so that no window can open; draw pictures with adj render"));
+    }
+    let size = egui::vec2(1280.0, 800.0);
+    let viewport =
+        egui::ViewportBuilder::default().with_title("adjsplat").with_inner_size(size).with_app_id("adjsplat");
+    let options = eframe::NativeOptions { viewport, ..Default::default() };
+    let create: eframe::AppCreator<'_> = Box::new(move |creation| {
+        let viewer = Viewer::new(&creation.egui_ctx, &files, RecentFiles::of_user(), renderer());
+        Ok(Box::new(Window(viewer)))
+    });
+    eframe::run_native("adjsplat", options, create)
+        .map_err(|fault| Error::device(format!("cannot open a window: {fault}; draw pictures with adj render")))
+}
+
+/// Returns what draws pictures: a graphics device, unless all of them are software, which is slower than the processor.
+fn renderer() -> Renderer {
+    if adapter::adapters().iter().any(|facts| !facts.is_software()) { Renderer::Device } else { Renderer::Processor }
+}
+
+/// Returns whether windows can be opened; on other systems than Linux they always can.
+fn has_display() -> bool {
+    let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    !cfg!(target_os = "linux") || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
+}

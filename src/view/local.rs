@@ -1,0 +1,50 @@
+//! Files of this machine: `.adj` files are mapped, volumes are built with what they or their values suggest to show.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use adjsplat::build::{Histogram, Observer, Phase as BuildPhase, Suggestion};
+use adjsplat::error::Result;
+use adjsplat::volume::SlabSource;
+use adjsplat::{Build, Model};
+use adjsplat_readers::OpenOptions;
+use egui::Context;
+
+use crate::open::{Phase, Progress};
+
+/// Returns the model of a file, and whether that is an `.adj` file.
+pub(crate) fn open(path: &Path, progress: &Progress, context: &Context) -> Result<(Model, bool)> {
+    let is_adj = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("adj"));
+    let model = if is_adj { Model::open(path)? } else { build(path, &mut Watch { progress, context })? };
+    Ok((model, is_adj))
+}
+
+fn build(path: &Path, watch: &mut Watch<'_>) -> Result<Model> {
+    let mut source: Box<dyn SlabSource> = adjsplat_readers::open(path, &OpenOptions::new())?;
+    watch.progress.set(Phase::Looking, 0, 1)?;
+    let suggestion = match Suggestion::stated(&*source)? {
+        Some(stated) => stated,
+        None => Suggestion::of(&Histogram::of(&mut *source, watch)?)?,
+    };
+    Build::new(suggestion.transfer()?).run_observed(source, watch)
+}
+
+struct Watch<'a> {
+    progress: &'a Progress,
+    context: &'a Context,
+}
+
+impl Observer for Watch<'_> {
+    fn progress(&mut self, phase: BuildPhase, done: u64, total: u64) -> ControlFlow<()> {
+        let phase = match phase {
+            BuildPhase::Survey => Phase::Looking,
+            BuildPhase::Pack => Phase::Reading,
+            _ => Phase::Building,
+        };
+        self.context.request_repaint_after(std::time::Duration::from_millis(50));
+        match self.progress.set(phase, done, total) {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(_) => ControlFlow::Break(()),
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! The page: the viewer in a browser, and what it asks of the browser.
+//!
+//! In: the page's address, whose query names a file, a camera and a transfer function. Out: the viewer on the page's
+//! canvas; files that are chosen and downloaded.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use adjsplat::error::{Error, Result};
+use eframe::{WebOptions, WebRunner};
+use egui::ColorImage;
+use futures_channel::oneshot;
+use js_sys::{Array, Uint8Array};
+use serde_json::json;
+use wasm_bindgen::closure::Closure;
+use wasm_bindgen::prelude::wasm_bindgen;
+use wasm_bindgen::{JsCast as _, JsValue};
+use wasm_bindgen_futures::JsFuture;
+use web_sys::{Blob, Document, HtmlAnchorElement, HtmlCanvasElement, HtmlInputElement, Url, UrlSearchParams};
+
+use crate::Window;
+use crate::app::Viewer;
+use crate::draw::Renderer;
+use crate::open::{Place, Wish};
+use crate::recent::RecentFiles;
+
+/// Begins to show the viewer on a canvas. Its promise fails with a sentence for the user if that is not possible.
+///
+/// The page's query: `file` is the address of an `.adj` file, `view` an eye as [`crate::look::Eye::to_text`] writes it, and
+/// `tf` a transfer function as JSON.
+#[wasm_bindgen]
+pub async fn start(canvas: HtmlCanvasElement) -> std::result::Result<(), JsValue> {
+    std::panic::set_hook(Box::new(|panic| stopped(&panic.to_string())));
+    let (file, wish) = asked();
+    let create: eframe::AppCreator<'static> = Box::new(move |creation| {
+        let mut viewer = Viewer::new(&creation.egui_ctx, &[], RecentFiles::default(), Renderer::Device);
+        if let Some(address) = file {
+            viewer.open_as(&creation.egui_ctx, Place::Address(address), wish);
+        }
+        Ok(Box::new(Window(viewer)))
+    });
+    WebRunner::new().start(canvas, WebOptions::default(), create).await
+}
+
+thread_local! {
+    /// What is shown, as JSON, and the picture.
+    static SHOWN: RefCell<(String, Option<Arc<ColorImage>>)> = const { RefCell::new((String::new(), None)) };
+}
+
+/// Makes what the viewer shows known to scripts of the page.
+pub(crate) fn publish(viewer: &Viewer) {
+    let document = viewer.active();
+    let shown = document.and_then(|document| document.painter.shown());
+    let state = json!({
+        "file": document.map(|document| &document.title),
+        "fetched": document.and_then(|document| document.fetched),
+        "view": document.map(|document| document.look.eye.to_text()),
+        "camera": document.and_then(|document| document.look.eye.camera().ok()),
+        "quality": shown.map(|shown| shown.quality.name()),
+        "size": shown.map(|shown| shown.size),
+        "milliseconds": shown.map(|shown| shown.milliseconds),
+        "finished": document.is_some_and(|document| document.painter.is_finished()),
+        "fault": document.and_then(|document| document.painter.fault()),
+        "message": viewer.message(),
+    });
+    let picture = document.and_then(|document| document.painter.image());
+    SHOWN.set((state.to_string(), picture));
+}
+
+/// Returns what is shown, as JSON: file, view, quality and size of the picture, messages.
+#[wasm_bindgen]
+pub fn state() -> String {
+    SHOWN.with_borrow(|shown| shown.0.clone())
+}
+
+/// Returns the picture that is shown: red, green, blue and alpha in bytes, row by row.
+#[wasm_bindgen]
+pub fn pixels() -> Vec<u8> {
+    SHOWN.with_borrow(|(_, picture)| picture.as_ref().map(|picture| picture.as_raw().to_vec()).unwrap_or_default())
+}
+
+/// Returns the file that the page's query names, and how it is to be shown.
+fn asked() -> (Option<String>, Wish) {
+    let query = web_sys::window().and_then(|window| window.location().search().ok()).unwrap_or_default();
+    let query = UrlSearchParams::new_with_str(&query).ok();
+    let get = |name: &str| query.as_ref().and_then(|query| query.get(name));
+    (get("file"), Wish { view: get("view"), transfer: get("tf") })
+}
+
+/// Returns a link to this page that opens a file with a view and, if it is not the file's, a transfer function.
+pub(crate) fn link(file: &str, view: &str, transfer: Option<&str>) -> Option<String> {
+    let query = UrlSearchParams::new().ok()?;
+    query.set("file", file);
+    query.set("view", view);
+    if let Some(transfer) = transfer {
+        query.set("tf", transfer);
+    }
+    let location = web_sys::window()?.location();
+    Some(format!("{}{}?{}", location.origin().ok()?, location.pathname().ok()?, String::from(query.to_string())))
+}
+
+#[wasm_bindgen]
+extern "C" {
+    /// Of page.js: says that the viewer has stopped, and why.
+    #[wasm_bindgen(js_name = adjsplatStopped)]
+    fn stopped(why: &str);
+}
+
+fn document() -> Document {
+    web_sys::window().and_then(|window| window.document()).expect("a page has a document")
+}
+
+/// Lets the user choose a file with this ending; `None` if the choice was cancelled or the file cannot be read.
+pub(crate) async fn choose(ending: &str) -> Option<Place> {
+    let input: HtmlInputElement = document().create_element("input").ok()?.dyn_into().ok()?;
+    input.set_type("file");
+    input.set_accept(ending);
+    let (sender, chosen) = oneshot::channel();
+    let sender = std::cell::RefCell::new(Some(sender));
+    let done = Closure::<dyn Fn()>::new(move || {
+        if let Some(sender) = sender.borrow_mut().take() {
+            // Nobody receives if the dialog was given up.
+            let _ = sender.send(());
+        }
+    });
+    input.add_event_listener_with_callback("change", done.as_ref().unchecked_ref()).ok()?;
+    input.add_event_listener_with_callback("cancel", done.as_ref().unchecked_ref()).ok()?;
+    input.click();
+    chosen.await.ok()?;
+    let file = input.files()?.get(0)?;
+    let bytes = JsFuture::from(file.array_buffer()).await.ok()?;
+    Some(Place::Bytes(file.name(), Arc::new(Uint8Array::new(&bytes).to_vec())))
+}
+
+/// Lets the browser save a file.
+pub(crate) fn download(name: &str, bytes: &[u8]) -> Result<()> {
+    let refused = |_: JsValue| Error::input(name, "was refused by the browser");
+    let part = Uint8Array::from(bytes);
+    let blob = Blob::new_with_u8_array_sequence(&Array::of1(&part)).map_err(refused)?;
+    let address = Url::create_object_url_with_blob(&blob).map_err(refused)?;
+    let anchor: HtmlAnchorElement = document().create_element("a").map_err(refused)?.unchecked_into();
+    anchor.set_href(&address);
+    anchor.set_download(name);
+    anchor.click();
+    Url::revoke_object_url(&address).map_err(refused)
+}

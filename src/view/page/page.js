@@ -1,0 +1,30 @@
+// Loads the viewer into the page, or says why it cannot run.
+import init, * as viewer from "./adjsplat_view.js";
+
+const canvas = document.getElementById("view");
+const message = document.getElementById("message");
+
+function say(text) {
+  message.textContent = text;
+  message.hidden = text === "";
+  canvas.hidden = text !== "";
+}
+
+// The viewer calls this before it stops for good.
+globalThis.adjsplatStopped = (text) => say(`The viewer has stopped (${text}). Load the page again.`);
+// For tests and for pages that hold this one: what is shown.
+globalThis.adjsplat = { state: () => JSON.parse(viewer.state()), pixels: () => viewer.pixels() };
+
+async function begin() {
+  if (!globalThis.isSecureContext) {
+    return say("Browsers allow WebGPU only to pages from https or from this machine. Open this page so, or use adj view.");
+  }
+  if (!navigator.gpu || !(await navigator.gpu.requestAdapter())) {
+    return say("This browser has no WebGPU, by which the viewer draws. Use a newer browser, allow its graphics acceleration, or use adj view.");
+  }
+  await init({ module_or_path: new URL("adjsplat_view_bg.wasm", import.meta.url) });
+  say("");
+  await viewer.start(canvas);
+}
+
+begin().catch((fault) => say(`The viewer cannot begin: ${fault?.message ?? fault}`));
