@@ -2,8 +2,10 @@
 //!
 //! [`Picture`] is a frame as a file stores it; [`read_picture`] returns the frame that a file holds.
 
+#[cfg(not(target_arch = "wasm32"))]
 mod read;
 mod write;
 
+#[cfg(not(target_arch = "wasm32"))]
 pub use read::read_picture;
 pub use write::{Picture, PictureKind, SampleDepth, write_png};

@@ -3,10 +3,8 @@
 //! In: frames of linear premultiplied light. Out: PNG (sRGB, 8 or 16 bits, not premultiplied), animated PNG, or
 //! OpenEXR (linear, premultiplied, 32-bit float).
 
-use std::io::{self, Cursor, Write};
+use std::io::{self, Write};
 use std::path::Path;
-
-use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage as _};
 
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Frame;
@@ -112,7 +110,17 @@ impl Picture {
         }
     }
 
+    /// A page has no encoder of OpenEXR, which would make it larger.
+    #[cfg(target_arch = "wasm32")]
+    fn write_exr(&self, _: &mut dyn Write) -> io::Result<()> {
+        Err(io::Error::new(io::ErrorKind::Unsupported, "a page saves .png and .apng only"))
+    }
+
+    #[cfg(not(target_arch = "wasm32"))]
     fn write_exr(&self, out: &mut dyn Write) -> io::Result<()> {
+        use exr::prelude::{
+            AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage as _,
+        };
         let channel = |(name, from): (&str, usize)| {
             let sample = |pixel: &[u8; 16]| f32::from_le_bytes(pixel[from..from + 4].try_into().expect("four bytes"));
             AnyChannel::new(name, FlatSamples::F32(self.bytes.as_chunks().0.iter().map(sample).collect()))
@@ -122,7 +130,7 @@ impl Picture {
         let layer =
             Layer::new((size[0], size[1]), LayerAttributes::named("adjsplat"), Encoding::SMALL_LOSSLESS, channels);
         // The encoder seeks back to fill in its tables, so it writes to memory first.
-        let mut file = Cursor::new(Vec::new());
+        let mut file = io::Cursor::new(Vec::new());
         let written = Image::from_layer(layer).write().to_buffered(&mut file);
         written.map_err(|fault| io::Error::other(fault.to_string()))?;
         out.write_all(file.get_ref())

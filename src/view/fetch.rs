@@ -36,7 +36,11 @@ pub(crate) async fn model(address: &str, progress: &Progress, context: &Context)
     let total: u64 = parts.iter().map(|(range, _)| range.end - range.start).sum();
     let mut done = 0;
     for (range, at) in parts {
-        for first in range.clone().step_by(PART as usize) {
+        // Some of it came with the head.
+        let known = range.start.min(head.len() as u64) as usize..range.end.min(head.len() as u64) as usize;
+        bytes[at..at + known.len()].copy_from_slice(&head[known.clone()]);
+        done += known.len() as u64;
+        for first in (range.start + known.len() as u64..range.end).step_by(PART as usize) {
             let wanted = first..range.end.min(first + PART);
             let (part, is_part) = get(address, wanted.clone()).await?;
             if !is_part || u64::from(part.length()) != wanted.end - wanted.start {

@@ -22,17 +22,16 @@ pub fn apply(context: &Context) {
     }
 }
 
-/// Returns the fonts of a page: without those of pictographs, which have more bytes than all the rest.
+/// Returns the font of a page. The others would double the bytes of the module.
 #[cfg(target_arch = "wasm32")]
 fn fonts() -> egui::FontDefinitions {
     use egui::{FontData, FontDefinitions, FontFamily};
     let mut fonts = FontDefinitions::empty();
-    let known = [("text", epaint_default_fonts::UBUNTU_LIGHT), ("fixed", epaint_default_fonts::HACK_REGULAR)];
-    for (name, bytes) in known {
-        fonts.font_data.insert(name.into(), std::sync::Arc::new(FontData::from_static(bytes)));
+    let font = FontData::from_static(epaint_default_fonts::UBUNTU_LIGHT);
+    fonts.font_data.insert("text".into(), std::sync::Arc::new(font));
+    for family in [FontFamily::Proportional, FontFamily::Monospace] {
+        fonts.families.insert(family, vec!["text".into()]);
     }
-    fonts.families.insert(FontFamily::Proportional, vec!["text".into(), "fixed".into()]);
-    fonts.families.insert(FontFamily::Monospace, vec!["fixed".into(), "text".into()]);
     fonts
 }
 

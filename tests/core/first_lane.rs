@@ -6,9 +6,9 @@ use adjsplat::{Build, Model, TransferFunction, Volume};
 
 /// An .adj file of a ball with the lanes x, y and z.
 fn file() -> Vec<u8> {
-    let at = |i: usize| [i % 20, i / 20 % 24, i / 480].map(|c| c as f64 - 10.0);
-    let value = |i: usize| (200.0 - 18.0 * at(i).iter().map(|c| c * c).sum::<f64>().sqrt()).clamp(0.0, 255.0) as u8;
-    let volume = Volume::new([20, 24, 22], (0..20 * 24 * 22).map(value).collect::<Vec<u8>>()).unwrap();
+    let at = |i: u16| [i % 20, i / 20 % 24, i / 480].map(|c| f32::from(c) - 10.0);
+    let value = |i: u16| 200.0 - 18.0 * at(i).iter().map(|c| c * c).sum::<f32>().sqrt();
+    let volume = Volume::new([20, 24, 22], (0..20 * 24 * 22).map(value).collect::<Vec<_>>()).unwrap();
     let model = Build::new(TransferFunction::range(60.0, 255.0).unwrap()).run(&volume).unwrap();
     model.arena().unwrap().bytes().to_vec()
 }
@@ -17,7 +17,8 @@ fn file() -> Vec<u8> {
 fn fetched(file: &[u8], plan: FirstLane) -> Vec<u8> {
     let FirstLane { mut bytes, parts } = plan;
     for (range, at) in parts {
-        let part = &file[range.start as usize..range.end as usize];
+        let [start, end] = [range.start, range.end].map(|at| usize::try_from(at).unwrap());
+        let part = &file[start..end];
         bytes[at..at + part.len()].copy_from_slice(part);
     }
     bytes
@@ -26,7 +27,7 @@ fn fetched(file: &[u8], plan: FirstLane) -> Vec<u8> {
 #[test]
 fn it_is_a_valid_file_that_draws_the_same_pictures() {
     let whole = file();
-    let head = &whole[..whole.len().min(FirstLane::HEAD as usize)];
+    let head = &whole[..whole.len().min(usize::try_from(FirstLane::HEAD).unwrap())];
     let plan = FirstLane::new(head, whole.len() as u64, "ball.adj").unwrap();
     assert_eq!(plan.parts.len(), 1, "description and first lane lie together");
     let wanted: u64 = plan.parts.iter().map(|(range, _)| range.end - range.start).sum();

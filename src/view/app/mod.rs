@@ -193,6 +193,9 @@ impl Viewer {
             return self.open(context, place);
         }
         let path = place.path().unwrap_or("".as_ref());
+        // A browser asks for no name.
+        let is_turn = cfg!(target_arch = "wasm32") && self.form.is_some_and(|form| form.frames > 1);
+        let path = if is_turn && purpose == Purpose::SavePicture { "turn.apng".as_ref() } else { path };
         let renderer = self.saving_renderer();
         let Some(document) = self.documents.get_mut(self.active) else { return };
         let result = match purpose {

@@ -2,7 +2,8 @@
 
 use adjsplat::Model;
 use adjsplat::error::{Error, Result};
-use adjsplat::splat::gpu::{GpuOptions, GpuRenderer, Resident, adapter};
+use adjsplat::splat::gpu::adapter::{self, OpenedDevice};
+use adjsplat::splat::gpu::{GpuOptions, GpuRenderer, Resident};
 use adjsplat::splat::{Camera, Frame, Quality, Settings};
 use egui::ColorImage;
 
@@ -14,6 +15,14 @@ use crate::look::Look;
 pub struct Canvas {
     /// The device's name, and what it keeps.
     resident: Option<(String, Resident)>,
+}
+
+/// Opens the best device. While a browser starts its process for graphics, it may first say that there is none.
+async fn open() -> Result<OpenedDevice> {
+    match adapter::open_async(None).await {
+        Err(_) if cfg!(target_arch = "wasm32") => adapter::open_async(None).await,
+        opened => opened,
+    }
 }
 
 impl Canvas {
@@ -43,7 +52,7 @@ impl Canvas {
         let (name, mut renderer) = match self.resident.take() {
             Some((name, resident)) => (name, resident.renderer(model.scene())),
             None => {
-                let opened = adapter::open_async(None).await?;
+                let opened = open().await?;
                 let options = GpuOptions::default();
                 let renderer = GpuRenderer::new_async(opened.device, opened.queue, model.scene(), options).await?;
                 (opened.facts.name, renderer)

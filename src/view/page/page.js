@@ -12,9 +12,6 @@ function say(text) {
 
 // The viewer calls this before it stops for good.
 globalThis.adjsplatStopped = (text) => say(`The viewer has stopped (${text}). Load the page again.`);
-// For tests and for pages that hold this one: what is shown.
-globalThis.adjsplat = { state: () => JSON.parse(viewer.state()), pixels: () => viewer.pixels() };
-
 async function begin() {
   if (!globalThis.isSecureContext) {
     return say("Browsers allow WebGPU only to pages from https or from this machine. Open this page so, or use adj view.");
@@ -25,6 +22,8 @@ async function begin() {
   await init({ module_or_path: new URL("adjsplat_view_bg.wasm", import.meta.url) });
   say("");
   await viewer.start(canvas);
+  // For tests and for pages that hold this one: what is shown.
+  globalThis.adjsplat = { state: () => JSON.parse(viewer.state() || "{}"), pixels: () => viewer.pixels() };
 }
 
 begin().catch((fault) => say(`The viewer cannot begin: ${fault?.message ?? fault}`));
