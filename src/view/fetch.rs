@@ -17,7 +17,7 @@ use web_sys::{Request, RequestInit, Response};
 use crate::open::{Phase, Progress, model_of};
 
 /// Bytes of a request: progress is shown after each.
-const PART: u64 = 4 << 20;
+const PART: usize = 4 << 20;
 /// Where the header of a file says how long the file is.
 const LENGTH_AT: usize = 16;
 
@@ -37,11 +37,12 @@ pub(crate) async fn model(address: &str, progress: &Progress, context: &Context)
     let mut done = 0;
     for (range, at) in parts {
         // Some of it came with the head.
-        let known = range.start.min(head.len() as u64) as usize..range.end.min(head.len() as u64) as usize;
-        bytes[at..at + known.len()].copy_from_slice(&head[known.clone()]);
+        let in_head = |place: u64| usize::try_from(place).map_or(head.len(), |place| place.min(head.len()));
+        let known = &head[in_head(range.start)..in_head(range.end)];
+        bytes[at..at + known.len()].copy_from_slice(known);
         done += known.len() as u64;
-        for first in (range.start + known.len() as u64..range.end).step_by(PART as usize) {
-            let wanted = first..range.end.min(first + PART);
+        for first in (range.start + known.len() as u64..range.end).step_by(PART) {
+            let wanted = first..range.end.min(first + PART as u64);
             let (part, is_part) = get(address, wanted.clone()).await?;
             if !is_part || u64::from(part.length()) != wanted.end - wanted.start {
                 return Err(Error::input(address, "was cut or changed while it was fetched; load the page again"));
@@ -61,7 +62,7 @@ pub(crate) async fn model(address: &str, progress: &Progress, context: &Context)
 async fn get(address: &str, range: Range<u64>) -> Result<(Uint8Array, bool)> {
     let failed = |fault: JsValue| {
         let text = fault.dyn_ref::<js_sys::Error>().map(|fault| String::from(fault.message())).unwrap_or_default();
-        Error::input(address, format!("cannot be fetched: {text}"))
+        Error::input(address, format!("cannot be fetched: {text}; a page reads from its own server only"))
     };
     let request = Request::new_with_str_and_init(address, &RequestInit::new()).map_err(failed)?;
     request.headers().set("Range", &format!("bytes={}-{}", range.start, range.end - 1)).map_err(failed)?;

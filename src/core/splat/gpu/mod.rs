@@ -190,6 +190,7 @@ impl<'a> GpuRenderer<'a> {
         options: GpuOptions,
     ) -> Result<GpuRenderer<'a>> {
         check_blends(&device, options.compositor)?;
+        #[cfg_attr(target_arch = "wasm32", expect(clippy::arc_with_non_send_sync, reason = "a page has one thread"))]
         let context = Arc::new(Context::new(device, queue, in_flight(options.vram)));
         let is_software = context.device.adapter_info().device_type == DeviceType::Cpu;
         let (pipelines, timer) =

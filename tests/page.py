@@ -1,0 +1,286 @@
+#!/usr/bin/env python3
+"""Tests `adj serve`, and the page in a real browser: what it fetches, draws, and says of faults.
+
+Usage: tests/page.py ADJ PAGE. ADJ is the program, built with the feature `serve`; PAGE is the folder that
+src/view/page/build made. Needs Chromium, playwright, numpy and pillow; WebGPU is Chromium's own in software.
+"""
+
+import http.client
+import http.server
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import urllib.parse
+
+import numpy as np
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+PROGRAM, PAGE = map(os.path.abspath, sys.argv[1:3])
+SIZE = {"width": 1000, "height": 600}
+PATIENCE = 120  # seconds
+WEBGPU = ["--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader"]
+NEAR = 45  # decibels
+
+
+def adj(*words):
+    ran = subprocess.run([PROGRAM, *words], capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+
+
+def refused(*words):
+    """Runs `adj serve`, which must stop with one line; returns the line."""
+    ran = subprocess.run([PROGRAM, "serve", *words], capture_output=True, text=True, timeout=PATIENCE)
+    assert ran.returncode == 2 and ran.stderr.count("\n") == 1 and ran.stderr.startswith("adj: "), ran
+    return ran.stderr
+
+
+class Serving:
+    """`adj serve` and the links that it printed."""
+
+    def __init__(self, *files):
+        command = [PROGRAM, "serve", *files, "--page", PAGE]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.links = [self.process.stdout.readline().strip() for _ in files]
+        self.port = urllib.parse.urlsplit(self.links[0]).port
+
+    def get(self, path, **headers):
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)
+        connection.request("GET", path, headers=headers)
+        answer = connection.getresponse()
+        return answer.status, dict(answer.getheaders()), answer.read()
+
+    def end(self):
+        self.process.terminate()
+        self.process.wait(timeout=PATIENCE)
+
+
+class Plain(http.server.SimpleHTTPRequestHandler):
+    """A server of files that knows no ranges."""
+
+    def log_message(self, *_):
+        pass
+
+
+def wait(what, get, patience=PATIENCE):
+    start = time.time()
+    while time.time() - start < patience:
+        if value := get():
+            return value
+        time.sleep(0.1)
+    sys.exit(f"{what}: not seen within {patience} s")
+
+
+class Viewer:
+    """The page at an address."""
+
+    def __init__(self, browser, address):
+        self.page = browser.new_page(viewport=SIZE)
+        self.answers, self.faults = [], []
+        self.page.on("response", lambda answer: self.answers.append((answer.url, answer.status, answer.headers)))
+        self.page.on("pageerror", lambda fault: self.faults.append(str(fault)))
+        self.page.on("console", lambda line: self.faults.append(line.text) if line.type == "error" else None)
+        self.page.goto(address)
+
+    def state(self):
+        return self.page.evaluate("globalThis.adjsplat?.state()") or {}
+
+    def message(self):
+        """What the page says in place of the viewer."""
+        return self.page.inner_text("#message")
+
+    def settled(self):
+        """The state once the last picture is there."""
+        return wait("the last picture", lambda: (state := self.state()).get("finished") and state)
+
+    def picture(self):
+        state = self.settled()
+        columns, rows = state["size"]
+        pixels = np.array(self.page.evaluate("Array.from(globalThis.adjsplat.pixels())"), np.uint8)
+        return pixels.reshape(rows, columns, 4)[..., :3]
+
+    def drag(self, start, end):
+        self.page.mouse.move(*start)
+        self.page.mouse.down()
+        self.page.mouse.move(*end, steps=8)
+        # Held still, so that the view does not turn on by itself.
+        time.sleep(0.3)
+        self.page.mouse.up()
+
+    def close(self):
+        assert not self.faults, self.faults
+        self.page.close()
+
+
+def decibels(a, b):
+    error = ((a.astype(float) - b) ** 2).mean()
+    return 10 * np.log10(255**2 / error) if error > 0 else np.inf
+
+
+def of_program(file, viewer, folder, *options):
+    """The picture that `adj render` draws from the page's camera."""
+    state, shown = viewer.settled(), viewer.picture()
+    out = os.path.join(folder, "want.png")
+    columns, rows = state["size"]
+    background = "#" + "".join(f"{value:02x}" for value in shown[0, 0])
+    adj("render", file, "-o", out, "--camera", json.dumps(state["camera"]), "--size", f"{columns}x{rows}",
+        "--quality", state["quality"], "--background", background, *options)  # fmt: skip
+    return np.asarray(Image.open(out).convert("RGB"))
+
+
+def check_server(files, folder):
+    served = Serving(*files)
+    try:
+        path = urllib.parse.urlsplit(served.links[0]).query.removeprefix("file=")
+        path = "/" + urllib.parse.unquote(path)
+        whole = open(files[0], "rb").read()
+        status, headers, body = served.get(path, Range="bytes=16-23")
+        assert (status, body) == (206, whole[16:24]), (status, headers)
+        assert headers["content-range"] == f"bytes 16-23/{len(whole)}"
+        assert int.from_bytes(body, "little") == len(whole)
+        assert served.get(path)[2] == whole
+        assert served.get(path, Range=f"bytes={len(whole)}-")[0] == 416
+        for absent in ["/files/other.adj", "/files/..%2fball.adj", "/files/%2e%2e/%2e%2e/etc/passwd", "/../Cargo.toml"]:
+            assert served.get(absent)[0] == 404, absent
+        status, _, body = served.get("/", Host="attacker.example")
+        assert status == 403 and b"127.0.0.1" in body
+        assert served.get("/", Host=f"localhost:{served.port}")[0] == 200
+        # Only this machine reaches it.
+        listening = f"0100007F:{served.port:04X}"
+        assert any(listening in line for line in open("/proc/net/tcp")), "it listens on another address"
+        assert str(served.port) in refused(files[0], "--page", PAGE, "--port", str(served.port))
+    finally:
+        served.end()
+    os.makedirs(os.path.join(folder, "twin"))
+    twin = shutil.copy(files[0], os.path.join(folder, "twin"))
+    assert "the name of two files" in refused(files[0], twin, "--page", PAGE)
+    assert "build the page" in refused(files[0], "--page", folder)
+    assert "absent.adj" in refused(os.path.join(folder, "absent.adj"), "--page", PAGE)
+    print("adj serve passed")
+
+
+def check_drawing(browser, files, folder):
+    served = Serving(*files)
+    try:
+        viewer = Viewer(browser, served.links[0])
+        shown = viewer.picture()
+        state = viewer.state()
+        assert state["quality"] == "high" and state["message"] is None, state
+        size = os.path.getsize(files[0])
+        fetched = [int(headers["content-length"]) for url, _, headers in viewer.answers if "/files/" in url]
+        assert all(status == 206 for url, status, _ in viewer.answers if "/files/" in url), viewer.answers
+        assert state["fetched"] == [sum(fetched), size], (state, fetched)
+        assert sum(fetched) < 0.45 * size, "one lane of three"
+        near = decibels(shown, of_program(files[0], viewer, folder))
+        print(f"{sum(fetched)} of {size} bytes fetched; {near:.1f} dB from the program's picture")
+        assert near > NEAR and shown.std() > 10
+        hosts = {urllib.parse.urlsplit(url).netloc for url, *_ in viewer.answers} - {""}
+        assert hosts == {f"127.0.0.1:{served.port}"}, hosts
+
+        # The other lanes come from the first: a turn fetches nothing.
+        viewer.drag((420, 320), (640, 290))
+        wait("another view", lambda: viewer.state()["view"] != state["view"])
+        turned = viewer.picture()
+        share = (np.abs(turned.astype(int) - shown).max(axis=2) > 12).mean()
+        near = decibels(turned, of_program(files[0], viewer, folder))
+        print(f"dragging changed {share:.0%} of the pixels; {near:.1f} dB from the program's picture")
+        assert share > 0.1 and near > NEAR
+        assert viewer.state()["fetched"] == state["fetched"]
+        view = viewer.state()["view"]
+        viewer.close()
+
+        # A link's camera and transfer function.
+        points = [(100, "#ff0000", 0), (130, "#00ff00", 0.4), (200, "#0000ff", 1)]
+        points = [{"value": value, "colour": colour, "opacity": opacity} for value, colour, opacity in points]
+        function = json.dumps({"kind": "points", "points": points})
+        query = urllib.parse.urlencode({"view": view, "tf": function})
+        linked = Viewer(browser, f"{served.links[0]}&{query}")
+        seen = linked.picture()
+        assert linked.state()["view"] == view
+        path = os.path.join(folder, "tf.json")
+        open(path, "w").write(function)
+        near = decibels(seen, of_program(files[0], linked, folder, "--tf", path))
+        print(f"from a link: {near:.1f} dB")
+        assert near > NEAR and decibels(seen, turned) < 40
+        linked.close()
+
+        wrong = Viewer(browser, f"{served.links[0]}&view=1,2,3")
+        said = wait("a message", lambda: wrong.state().get("message"))
+        assert "azimuth,elevation" in said, said
+        wrong.close()
+    finally:
+        served.end()
+
+
+def check_plain_server(browser, files, folder):
+    """A page in a folder of a server without ranges; files that are wrong."""
+    root = os.path.join(folder, "root")
+    shutil.copytree(PAGE, os.path.join(root, "some", "page"))
+    data = os.path.join(root, "data")
+    os.makedirs(data)
+    whole = open(files[0], "rb").read()
+    for name, content in {
+        "whole.adj": whole,
+        "cut.adj": whole[: len(whole) // 2],
+        "not.adj": b"<!doctype html><title>Not a volume</title>",
+    }.items():
+        open(os.path.join(data, name), "wb").write(content)
+    handler = lambda *args: Plain(*args, directory=root)  # noqa: E731
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    base = f"http://127.0.0.1:{server.server_port}/some/page/"
+    try:
+        viewer = Viewer(browser, base + "?file=../../data/whole.adj")
+        shown = viewer.picture()
+        assert viewer.state()["fetched"] == [len(whole)] * 2
+        assert decibels(shown, of_program(files[0], viewer, folder)) > NEAR
+        viewer.close()
+        for name, words in {
+            "cut.adj": "cut.adj",
+            "not.adj": "not.adj",
+            "absent.adj": "404",
+            "http://other.example/a.adj": "cannot be fetched",
+        }.items():
+            address = name if "://" in name else "../../data/" + name
+            viewer = Viewer(browser, base + "?file=" + address)
+            said = wait("a message", lambda: viewer.state().get("message"))
+            print(f"{name}: {said}")
+            assert words in said and "\n" not in said, said
+            # A browser reports what it could not fetch.
+            viewer.faults.clear()
+            viewer.close()
+    finally:
+        server.shutdown()
+    print("a server without ranges passed")
+
+
+def main():
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as play:
+        files = [os.path.join(folder, name) for name in ("ball & shell.adj", "vessels.adj")]
+        for file, phantom in zip(files, ("gyroid", "vessels")):
+            adj("build", f"phantom:{phantom}", "--dims", "96x96x96", "-o", file, "--quiet")
+        check_server(files, folder)
+        chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+        launch = lambda flags: play.chromium.launch(executable_path=chromium, args=["--no-sandbox", *flags])  # noqa: E731
+        browser = launch(WEBGPU)
+        check_drawing(browser, files, folder)
+        check_plain_server(browser, files, folder)
+        browser.close()
+        browser = launch(["--disable-gpu", "--disable-features=WebGPU", "--disable-blink-features=WebGPU"])
+        served = Serving(*files)
+        try:
+            viewer = Viewer(browser, served.links[0])
+            said = wait("a message", lambda: (text := viewer.message()) and "WebGPU" in text and text)
+            print(f"without WebGPU: {said}")
+        finally:
+            served.end()
+        browser.close()
+    print("the page passed")
+
+
+main()
