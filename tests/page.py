@@ -67,6 +67,33 @@ class Plain(http.server.SimpleHTTPRequestHandler):
         pass
 
 
+class Slow(Plain):
+    """A server that takes long to send ranges."""
+
+    def do_GET(self):
+        path = self.translate_path(self.path)
+        wanted = self.headers.get("Range")
+        if wanted is None:
+            return super().do_GET()
+        start, end = map(int, wanted.removeprefix("bytes=").split("-"))
+        time.sleep(1)
+        with open(path, "rb") as file:
+            whole = file.read()
+        part = whole[start : end + 1]
+        self.send_response(206)
+        self.send_header("Content-Length", str(len(part)))
+        self.send_header("Content-Range", f"bytes {start}-{start + len(part) - 1}/{len(whole)}")
+        self.end_headers()
+        self.wfile.write(part)
+
+
+def serving(handler, root):
+    """A server of the files in a folder, and its address."""
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), lambda *args: handler(*args, directory=root))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    return server, f"http://127.0.0.1:{server.server_port}/"
+
+
 def wait(what, get, patience=PATIENCE):
     start = time.time()
     while time.time() - start < patience:
@@ -230,10 +257,8 @@ def check_plain_server(browser, files, folder):
         "not.adj": b"<!doctype html><title>Not a volume</title>",
     }.items():
         open(os.path.join(data, name), "wb").write(content)
-    handler = lambda *args: Plain(*args, directory=root)  # noqa: E731
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    base = f"http://127.0.0.1:{server.server_port}/some/page/"
+    server, base = serving(Plain, root)
+    base += "some/page/"
     try:
         viewer = Viewer(browser, base + "?file=../../data/whole.adj")
         shown = viewer.picture()
@@ -259,6 +284,24 @@ def check_plain_server(browser, files, folder):
     print("a server without ranges passed")
 
 
+def check_slow_server(browser, folder):
+    """What has arrived is shown while the rest arrives."""
+    root = shutil.copytree(PAGE, os.path.join(folder, "slow"))
+    file = os.path.join(root, "large.adj")
+    adj("build", "phantom:gyroid", "--dims", "160x160x160", "-o", file, "--quiet")
+    server, base = serving(Slow, root)
+    try:
+        viewer = Viewer(browser, base + "?file=large.adj")
+        part = wait("a part", lambda: (state := viewer.state()).get("quality") and state)
+        whole = wait("the whole", lambda: (state := viewer.state())["fetched"] > part["fetched"] and state)
+        print(f"shown after {part['fetched'][0]} bytes")
+        assert part["view"] == whole["view"]
+        assert decibels(viewer.picture(), of_program(file, viewer, folder)) > NEAR
+        viewer.close()
+    finally:
+        server.shutdown()
+
+
 def main():
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as play:
         files = [os.path.join(folder, name) for name in ("ball & shell.adj", "vessels.adj")]
@@ -270,6 +313,7 @@ def main():
         browser = launch(WEBGPU)
         check_drawing(browser, files, folder)
         check_plain_server(browser, files, folder)
+        check_slow_server(browser, folder)
         browser.close()
         browser = launch(["--disable-gpu", "--disable-features=WebGPU", "--disable-blink-features=WebGPU"])
         served = Serving(*files)

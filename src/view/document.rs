@@ -3,6 +3,7 @@
 use std::sync::mpsc::{Receiver, channel};
 
 use adjsplat::error::Result;
+use adjsplat::traverse::VoxelBox;
 use adjsplat::{Model, TransferFunction};
 use egui::Context;
 
@@ -24,6 +25,10 @@ pub struct Document {
     pub is_adj: bool,
     /// Of a file on a server: the bytes that were fetched, and those of the whole file.
     pub fetched: Option<[u64; 2]>,
+    /// The box of the file's visible voxels.
+    pub(crate) extent: Option<VoxelBox>,
+    /// The number of the opening that this came from.
+    pub(crate) number: u64,
     /// The model with the transfer function that is drawn.
     pub model: Model,
     /// How often each value is stored.
@@ -60,15 +65,23 @@ impl Document {
     ///
     /// # Errors
     /// The errors of [`Look::first`].
-    pub fn new(context: &Context, opened: Opened, background: [u8; 3], renderer: Renderer) -> Result<Document> {
-        let Opened { place, is_adj, model, stored, fetched } = opened;
-        let look = Look::first(&model, background, [800, 800])?;
+    pub fn new(
+        context: &Context,
+        number: u64,
+        opened: Opened,
+        background: [u8; 3],
+        renderer: Renderer,
+    ) -> Result<Document> {
+        let Opened { place, is_adj, model, stored, fetched, extent, .. } = opened;
+        let look = Look::first(&model, extent, background, [800, 800])?;
         let edited = Edited::of(model.transfer(), &stored);
         Ok(Document {
             title: place.name(),
             place,
             is_adj,
             fetched,
+            extent,
+            number,
             model,
             stored,
             look,
@@ -85,6 +98,21 @@ impl Document {
             picking: None,
             version: 0,
         })
+    }
+
+    /// Goes on with more of the same file; what the user changed stays.
+    pub(crate) fn grow(&mut self, opened: Opened, renderer: Renderer) {
+        let Opened { model, stored, fetched, .. } = opened;
+        let is_changed = self.edits.can_undo() || self.edits.can_redo() || self.before_change.is_some();
+        (self.model, self.stored, self.fetched) = (model, stored, fetched);
+        self.painter.renew(renderer);
+        self.picked = None;
+        if is_changed {
+            self.apply();
+        } else {
+            self.edits = History::new(Edited::of(self.model.transfer(), &self.stored));
+            self.version += 1;
+        }
     }
 
     /// Returns the number of changes of the model.
@@ -157,7 +185,7 @@ impl Document {
     pub fn fit(&mut self, size: [u32; 2]) {
         let Eye { azimuth, elevation, up, fov, .. } = self.look.eye;
         let side = crate::look::Side { name: "", azimuth, elevation };
-        match Eye::around(&self.model, side, up, fov, size) {
+        match Eye::around(&self.model, self.extent, side, up, fov, size) {
             Ok(eye) => self.look.eye = eye,
             Err(fault) => self.note = Some(fault.to_string()),
         }

@@ -53,15 +53,22 @@ pub struct Eye {
 }
 
 impl Eye {
-    /// Returns the eye that sees all visible voxels of `model` from a side, in a view of `size` pixels.
+    /// Returns the eye that sees all visible voxels of `model`, which lie in `extent`, from a side, in a view of `size` pixels.
     ///
     /// # Errors
     /// The errors of [`Model::camera`].
-    pub fn around(model: &Model, side: Side, up: Up, fov: Option<f64>, size: [u32; 2]) -> Result<Eye> {
+    pub fn around(
+        model: &Model,
+        extent: Option<VoxelBox>,
+        side: Side,
+        up: Up,
+        fov: Option<f64>,
+        size: [u32; 2],
+    ) -> Result<Eye> {
         let Side { azimuth, elevation, .. } = side;
         let orbit = Orbit { azimuth, elevation, zoom: 1.0, fov, up };
-        let camera = model.camera(&orbit, &Settings::new(size))?;
-        let centre = match model.bounds()? {
+        let camera = model.camera(&orbit, &Settings::new(size).with_crop(extent))?;
+        let centre = match extent {
             Some(bounds) => Surround::of_voxels(model.grid(), bounds.low, bounds.high),
             None => Surround::of_grid(model.grid()),
         };
@@ -203,13 +210,14 @@ pub struct Look {
 }
 
 impl Look {
-    /// Returns the first look at a model: from the front and above, over a background of this colour.
+    /// Returns the first look at a model, whose voxels lie in `extent`: from the front and above, over a background of this
+    /// colour.
     ///
     /// # Errors
     /// The errors of [`Eye::around`].
-    pub fn first(model: &Model, background: [u8; 3], size: [u32; 2]) -> Result<Look> {
+    pub fn first(model: &Model, extent: Option<VoxelBox>, background: [u8; 3], size: [u32; 2]) -> Result<Look> {
         let side = Side { name: "", azimuth: 30.0, elevation: 20.0 };
-        let eye = Eye::around(model, side, Up::default(), None, size)?;
+        let eye = Eye::around(model, extent, side, Up::default(), None, size)?;
         let mode = Mode::Composite;
         Ok(Look { eye, mode, is_lit: true, sharpness: 0.0, crop: None, clip: None, background })
     }
@@ -250,7 +258,7 @@ mod tests {
     fn eye() -> Eye {
         let volume = Volume::new([20, 10, 30], vec![9u8; 6000]).unwrap();
         let model = Build::new(TransferFunction::range(1.0, 10.0).unwrap()).run(&volume).unwrap();
-        Eye::around(&model, SIDES[0], Up::default(), None, [200, 100]).unwrap()
+        Eye::around(&model, model.bounds().unwrap(), SIDES[0], Up::default(), None, [200, 100]).unwrap()
     }
 
     #[test]
@@ -299,7 +307,7 @@ mod tests {
         let model = Build::new(TransferFunction::range(1.0, 10.0).unwrap()).run(&volume).unwrap();
         for fov in [None, Some(50.0)] {
             for side in SIDES {
-                let eye = Eye::around(&model, side, Up::default(), fov, [300, 200]).unwrap();
+                let eye = Eye::around(&model, model.bounds().unwrap(), side, Up::default(), fov, [300, 200]).unwrap();
                 let orbit =
                     Orbit { azimuth: side.azimuth, elevation: side.elevation, zoom: 1.0, fov, up: Up::default() };
                 let want = model.camera(&orbit, &Settings::new([300, 200])).unwrap();

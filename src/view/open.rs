@@ -9,6 +9,7 @@ use std::sync::mpsc::{Receiver, channel};
 
 use adjsplat::Model;
 use adjsplat::error::{Error, Result};
+use adjsplat::traverse::VoxelBox;
 use egui::{Context, DroppedFileHandle};
 
 use crate::background;
@@ -67,10 +68,24 @@ pub struct Opened {
     pub(crate) stored: StoredValues,
     /// Of a file on a server: the bytes that were fetched, and those of the whole file.
     pub(crate) fetched: Option<[u64; 2]>,
+    /// The box of the visible voxels.
+    pub(crate) extent: Option<VoxelBox>,
+    /// Whether more of the file arrives.
+    pub(crate) is_part: bool,
+}
+
+impl Opened {
+    fn new(place: &Place, model: Model, is_adj: bool, fetched: Option<[u64; 2]>) -> Result<Opened> {
+        let stored = StoredValues::of(&model)?;
+        let extent = model.bounds()?;
+        Ok(Opened { place: place.clone(), is_adj, model, stored, fetched, extent, is_part: false })
+    }
 }
 
 /// A file that is being opened.
 pub struct Opening {
+    /// Its number among all files that were opened.
+    pub number: u64,
     /// The file.
     pub place: Place,
     /// How it is to be shown.
@@ -120,17 +135,19 @@ const PHASES: [&str; 6] = ["Opening", "Looking at the values", "Reading", "Build
 
 impl Opening {
     /// Begins to open a file that is to be shown as `wish` says.
-    pub fn begin(place: Place, wish: Wish, context: &Context) -> Opening {
+    pub fn begin(number: u64, place: Place, wish: Wish, context: &Context) -> Opening {
         let (sender, result) = channel();
         let progress = Arc::new(Progress::default());
         let (own_place, own_progress, context) = (place.clone(), progress.clone(), context.clone());
         background::run(async move || {
-            let opened = open(own_place, &own_progress, &context).await;
-            // Nobody receives if the window was closed.
-            let _ = sender.send(opened);
-            context.request_repaint();
+            let tell = |opened| {
+                // Nobody receives if the window was closed.
+                let _ = sender.send(opened);
+                context.request_repaint();
+            };
+            tell(open(&own_place, &own_progress, &context, &tell).await);
         });
-        Opening { place, wish, progress, result }
+        Opening { number, place, wish, progress, result }
     }
 
     /// Returns what is done now, and the share of it that is over.
@@ -145,25 +162,30 @@ impl Opening {
         self.progress.is_cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// Returns the result once it is there.
+    /// Returns the result once it is there; before it, what has arrived of a file on a server.
     pub fn result(&self) -> Option<Result<Opened>> {
-        self.result.try_recv().ok()
+        let result = self.result.try_recv().ok()?;
+        Some(if self.progress.is_cancelled.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { result })
     }
 }
 
-async fn open(place: Place, progress: &Progress, context: &Context) -> Result<Opened> {
+/// Opens a file; calls `tell` with what has arrived of it so far.
+#[cfg_attr(not(target_arch = "wasm32"), expect(unused_variables, reason = "pages fetch"))]
+async fn open(place: &Place, progress: &Progress, context: &Context, tell: &impl Fn(Result<Opened>)) -> Result<Opened> {
     progress.set(Phase::Opening, 0, 1)?;
-    let mut fetched = None;
-    let (model, is_adj) = match &place {
+    let (model, is_adj) = match place {
         #[cfg(not(target_arch = "wasm32"))]
         Place::Path(path) => crate::local::open(path, progress, context)?,
         #[cfg(target_arch = "wasm32")]
         Place::Path(path) => return Err(Error::input(path.display().to_string(), "is no address on a server")),
         #[cfg(target_arch = "wasm32")]
         Place::Address(address) => {
-            let (model, bytes) = crate::fetch::model(address, progress, context).await?;
-            fetched = Some(bytes);
-            (model, true)
+            let arrived = |model, extent, fetched| {
+                let opened = Opened::new(place, model, true, Some(fetched));
+                tell(opened.map(|opened| Opened { extent, is_part: true, ..opened }));
+            };
+            let (model, fetched) = crate::fetch::model(address, progress, context, arrived).await?;
+            return Opened::new(place, model, true, Some(fetched));
         }
         #[cfg(not(target_arch = "wasm32"))]
         Place::Address(address) => return Err(Error::input(address, "is opened by the page, not by the desktop")),
@@ -178,10 +200,7 @@ async fn open(place: Place, progress: &Progress, context: &Context) -> Result<Op
         Place::Dropped(file) => crate::local::open(file.path(), progress, context)?,
     };
     progress.set(Phase::Counting, 0, 1)?;
-    let stored = StoredValues::of(&model)?;
-    progress.set(Phase::Counting, 1, 1)?;
-    fetched = fetched.filter(|_| is_adj);
-    Ok(Opened { place, is_adj, model, stored, fetched })
+    Opened::new(place, model, is_adj, None)
 }
 
 /// Returns the model of the bytes of an `.adj` file; faults name the file.

@@ -96,8 +96,8 @@ mod tests {
         let model = Build::new(TransferFunction::range(50.0, 250.0).unwrap()).run(&volume).unwrap();
         for (side, want) in [(SIDES[0], ([5, 15, 9], 200.0)), (SIDES[1], ([5, 4, 9], 100.0))] {
             for fov in [None, Some(30.0)] {
-                let eye = Eye::around(&model, side, Up::default(), fov, [100, 100]).unwrap();
-                let look = Look { eye, ..Look::first(&model, [0; 3], [100, 100]).unwrap() };
+                let eye = Eye::around(&model, model.bounds().unwrap(), side, Up::default(), fov, [100, 100]).unwrap();
+                let look = Look { eye, ..Look::first(&model, None, [0; 3], [100, 100]).unwrap() };
                 let target = DVec3::new(5.2, f64::from(want.0[1]) * 2.0, 13.6);
                 let (origin, direction) = match fov {
                     None => (target - eye.axes()[2] * 100.0, eye.axes()[2]),

@@ -31,7 +31,7 @@ fn the_copied_command_makes_the_picture_of_the_view() {
     folder.adj("build phantom:gyroid --dims 40x40x40 -o it's.adj").done();
     let file = folder.file("it's.adj");
     let model = Model::open(&file).unwrap();
-    let mut first = Look::first(&model, [40, 60, 80], [90, 70]).unwrap();
+    let mut first = Look::first(&model, model.bounds().unwrap(), [40, 60, 80], [90, 70]).unwrap();
     first.eye.orbit([25.0, 10.0]);
     first.eye.zoom(1.4, [0.1, -0.2]);
     let mut cut = Look { sharpness: 0.5, is_lit: false, ..first.clone() };

@@ -1,8 +1,12 @@
 //! A file's first lane alone: as good as a file that was built with one lane, and fetched in few parts.
 
-use adjsplat::arena::{Arena, FirstLane};
+use std::ops::RangeInclusive;
+
+use adjsplat::arena::{Arena, FirstLane, Part};
 use adjsplat::splat::{Orbit, Settings};
-use adjsplat::{Build, Model, TransferFunction, Volume};
+use adjsplat::traverse::Viewpoint;
+use adjsplat::volume::Axis;
+use adjsplat::{Build, Model, TransferFunction, Volume, Voxels};
 
 /// An .adj file of a ball with the lanes x, y and z.
 fn file() -> Vec<u8> {
@@ -13,24 +17,30 @@ fn file() -> Vec<u8> {
     model.arena().unwrap().bytes().to_vec()
 }
 
-/// The smaller file, as a page would put it together.
-fn fetched(file: &[u8], plan: FirstLane) -> Vec<u8> {
-    let FirstLane { mut bytes, parts } = plan;
-    for (range, at) in parts {
+fn plan(file: &[u8], sizes: RangeInclusive<u64>) -> FirstLane {
+    let head = &file[..file.len().min(usize::try_from(FirstLane::HEAD).unwrap())];
+    FirstLane::new(head, file.len() as u64, sizes, "ball.adj").unwrap()
+}
+
+fn copy(file: &[u8], part: &Part, bytes: &mut [u8]) {
+    for (range, at) in &part.ranges {
         let [start, end] = [range.start, range.end].map(|at| usize::try_from(at).unwrap());
-        let part = &file[start..end];
-        bytes[at..at + part.len()].copy_from_slice(part);
+        bytes[*at..*at + end - start].copy_from_slice(&file[start..end]);
     }
+}
+
+/// The smaller file, as a page would put it together.
+fn fetched(file: &[u8], FirstLane { mut bytes, parts }: FirstLane) -> Vec<u8> {
+    parts.iter().for_each(|part| copy(file, part, &mut bytes));
     bytes
 }
 
 #[test]
 fn it_is_a_valid_file_that_draws_the_same_pictures() {
     let whole = file();
-    let head = &whole[..whole.len().min(usize::try_from(FirstLane::HEAD).unwrap())];
-    let plan = FirstLane::new(head, whole.len() as u64, "ball.adj").unwrap();
-    assert_eq!(plan.parts.len(), 1, "description and first lane lie together");
-    let wanted: u64 = plan.parts.iter().map(|(range, _)| range.end - range.start).sum();
+    let plan = plan(&whole, u64::MAX..=u64::MAX);
+    assert_eq!(plan.parts.iter().map(|part| part.ranges.len()).collect::<Vec<_>>(), [1, 1], "neighbours are joined");
+    let wanted: u64 = plan.parts.iter().map(Part::bytes).sum();
     assert!(wanted * 100 < 45 * whole.len() as u64, "{wanted} of {}", whole.len());
     let part = fetched(&whole, plan);
     let arena = Arena::new(&part).unwrap();
@@ -46,18 +56,44 @@ fn it_is_a_valid_file_that_draws_the_same_pictures() {
 }
 
 #[test]
+fn what_has_arrived_is_a_valid_file_with_the_first_tiles() {
+    let whole = file();
+    let FirstLane { mut bytes, parts } = plan(&whole, 300..=1_000);
+    assert!(parts.len() > 8 && parts[1..].iter().all(|part| part.bytes() <= 1_000), "{parts:?}");
+    let voxels = |model: &Model| {
+        let mut all = Vec::new();
+        let viewpoint = Viewpoint::parallel([0.3, 0.5, 0.8]).unwrap();
+        let visit = |voxels: &Voxels| all.extend(voxels.iter().map(|voxel| (voxel.position, voxel.value.to_bits())));
+        model.walk(&viewpoint, visit).unwrap();
+        all
+    };
+    let all = voxels(&Model::from_bytes(whole.clone()).unwrap());
+    let mut tiles = 0;
+    for part in &parts {
+        copy(&whole, part, &mut bytes);
+        let Some(file) = FirstLane::arrived(&bytes, part.records, "ball.adj").unwrap() else { continue };
+        Arena::new(&file).unwrap().check().unwrap();
+        let some = voxels(&Model::from_bytes(file.clone()).unwrap());
+        let count = Arena::new(&file).unwrap().lane(Axis::X).unwrap().sweep_tiles().count();
+        assert!(count > 0 && count >= tiles && some.len() as u64 <= part.records);
+        tiles = count;
+        assert!(some.iter().all(|voxel| all.contains(voxel)));
+    }
+    assert!(tiles > 4);
+    assert!(FirstLane::arrived(&whole[..whole.len() - 1], 9, "ball.adj").unwrap_err().to_string().contains("ball.adj"));
+}
+
+#[test]
 fn a_file_with_one_lane_stays_as_it_is() {
     let whole = file();
-    let plan = FirstLane::new(&whole, whole.len() as u64, "ball.adj").unwrap();
-    let one = fetched(&whole, plan);
-    let again = FirstLane::new(&one, one.len() as u64, "one.adj").unwrap();
-    assert!(fetched(&one, again) == one);
+    let one = fetched(&whole, plan(&whole, 1..=1));
+    assert!(fetched(&one, plan(&one, 5_000..=9_000)) == one);
 }
 
 #[test]
 fn a_wrong_length_and_a_cut_head_are_named() {
     let whole = file();
-    let fault = |head: &[u8], len: u64| FirstLane::new(head, len, "ball.adj").unwrap_err().to_string();
+    let fault = |head: &[u8], len: u64| FirstLane::new(head, len, 0..=0, "ball.adj").unwrap_err().to_string();
     assert!(fault(&whole, whole.len() as u64 + 1).contains("was cut or grew"));
     assert!(fault(&whole[..100], whole.len() as u64).contains("a header of 256 bytes"));
     assert!(fault(&whole[..300], whole.len() as u64).contains("a table of"));

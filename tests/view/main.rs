@@ -343,7 +343,7 @@ fn two_files_are_tabs_and_can_be_linked_side_by_side() {
 fn saved_pictures_have_their_size_and_a_turn_its_frames() {
     let folder = tempfile::tempdir().unwrap();
     let model = Model::open(file(folder.path())).unwrap();
-    let look = Look::first(&model, [10, 20, 30], [64, 48]).unwrap();
+    let look = Look::first(&model, model.bounds().unwrap(), [10, 20, 30], [64, 48]).unwrap();
     let form =
         PictureForm { size: [64, 48], is_transparent: false, is_deep: true, quality: Quality::Standard, frames: 1 };
     let save = |name: &str, form| {

@@ -223,6 +223,11 @@ impl SectionKind {
         SectionKind::Magnitudes,
     ];
 
+    /// Returns whether the section is a channel: it has an element for each record.
+    pub const fn is_channel(self) -> bool {
+        self as u16 >= SectionKind::Steps as u16
+    }
+
     /// Returns the size in bytes of one element of this kind in the lane along `axis`; 0 if there is no such section.
     pub fn element_bytes(self, channels: Channels, dims: [u32; 3], axis: Axis) -> u8 {
         match self {

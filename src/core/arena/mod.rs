@@ -25,7 +25,7 @@ pub(crate) mod visible;
 
 pub use check::{Checked, CheckedLane};
 pub use curve::TileOrder;
-pub use first_lane::FirstLane;
+pub use first_lane::{FirstLane, Part};
 pub use lane::{Lane, LineEnds, LineSpan};
 pub use lane_rows::LaneRows;
 pub use lanes::LaneSet;

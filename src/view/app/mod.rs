@@ -26,6 +26,7 @@ pub struct Viewer {
     documents: Vec<Document>,
     active: usize,
     openings: Vec<Opening>,
+    opening_count: u64,
     savings: Vec<Saving>,
     dialog: Option<Dialog>,
     recent: RecentFiles,
@@ -55,6 +56,7 @@ impl Viewer {
             documents: Vec::new(),
             active: 0,
             openings: Vec::new(),
+            opening_count: 0,
             savings: Vec::new(),
             dialog: None,
             recent,
@@ -81,7 +83,8 @@ impl Viewer {
 
     /// Begins to open a file that is to be shown as `wish` says.
     pub fn open_as(&mut self, context: &Context, place: Place, wish: Wish) {
-        self.openings.push(Opening::begin(place, wish, context));
+        self.opening_count += 1;
+        self.openings.push(Opening::begin(self.opening_count, place, wish, context));
     }
 
     /// Returns the open documents, in the order of their tabs.
@@ -142,16 +145,26 @@ impl Viewer {
     fn take_results(&mut self, context: &Context) {
         let background = theme::background(context.theme() == Theme::Dark);
         let mut opened = Vec::new();
-        self.openings.retain(|opening| match opening.result() {
-            None => true,
-            Some(result) => {
-                opened.push((opening.place.clone(), opening.wish.clone(), result));
-                false
+        self.openings.retain(|opening| {
+            let mut goes_on = true;
+            while let Some(result) = opening.result() {
+                goes_on = result.as_ref().is_ok_and(|opened| opened.is_part);
+                opened.push((opening.number, opening.place.clone(), opening.wish.clone(), result));
             }
+            goes_on
         });
-        for (place, wish, result) in opened {
-            match result.and_then(|opened| Document::new(context, opened, background, self.renderer)) {
-                Ok(mut document) => {
+        for (number, place, wish, result) in opened {
+            let shown = self.documents.iter().position(|document| document.number == number);
+            let result = result.and_then(|opened| match shown {
+                Some(index) => {
+                    self.documents[index].grow(opened, self.renderer);
+                    Ok(None)
+                }
+                None => Document::new(context, number, opened, background, self.renderer).map(Some),
+            });
+            match result {
+                Ok(None) => {}
+                Ok(Some(mut document)) => {
                     if let Some(path) = document.place.path() {
                         self.recent.add(path);
                     }
@@ -159,8 +172,16 @@ impl Viewer {
                     self.documents.push(document);
                     self.active = self.documents.len() - 1;
                 }
-                Err(Error::Interrupted) => self.message = Some((format!("{} was not opened", place.name()), false)),
-                Err(fault) => self.message = Some((full(&fault), true)),
+                Err(fault) => {
+                    self.message = Some(match fault {
+                        Error::Interrupted => (format!("{} was not opened", place.name()), false),
+                        fault => (full(&fault), true),
+                    });
+                    // A part of a file is nothing to work with.
+                    if let Some(index) = shown {
+                        self.close(index);
+                    }
+                }
             }
         }
         let mut saved = Vec::new();
@@ -271,7 +292,8 @@ impl Viewer {
     }
 
     fn close(&mut self, index: usize) {
-        self.documents.remove(index);
+        let closed = self.documents.remove(index);
+        self.openings.iter().filter(|opening| opening.number == closed.number).for_each(Opening::cancel);
         self.active = self.active.min(self.documents.len().saturating_sub(1));
     }
 }

@@ -64,12 +64,11 @@ pub struct Painter {
 impl Painter {
     /// Creates a painter; it wakes `context` when a picture is ready.
     pub fn new(context: &Context, renderer: Renderer) -> Painter {
-        let (sender, results) = channel();
-        let worker = || Worker::new(renderer, sender.clone(), context.clone());
+        let (draft, finer, results) = workers(context, renderer);
         Painter {
             context: context.clone(),
-            draft: worker(),
-            finer: (renderer == Renderer::Processor).then(worker),
+            draft,
+            finer,
             results,
             asked: None,
             look_index: 0,
@@ -81,6 +80,12 @@ impl Painter {
             shown: None,
             fault: None,
         }
+    }
+
+    /// Begins anew, for a model with other voxels; the last picture stays until there is another.
+    pub(crate) fn renew(&mut self, renderer: Renderer) {
+        (self.draft, self.finer, self.results) = workers(&self.context, renderer);
+        self.asked = None;
     }
 
     /// Returns the best picture so far; asks for better ones. `version` counts changes of the model; `time` is in seconds.
@@ -175,6 +180,13 @@ impl Painter {
             }
         }
     }
+}
+
+/// Returns a worker for drafts; one for finer pictures, if that is not the same; and where their pictures come.
+fn workers(context: &Context, renderer: Renderer) -> (Worker, Option<Worker>, Receiver<Drawn>) {
+    let (sender, results) = channel();
+    let worker = || Worker::new(renderer, sender.clone(), context.clone());
+    (worker(), (renderer == Renderer::Processor).then(worker), results)
 }
 
 fn rank(quality: Quality) -> usize {
