@@ -121,6 +121,10 @@ class Viewer:
         """What the page says in place of the viewer."""
         return self.page.inner_text("#message")
 
+    def told(self):
+        """What the viewer says."""
+        return wait("a message", lambda: self.state().get("message"))
+
     def settled(self):
         """The state once the last picture is there."""
         return wait("the last picture", lambda: (state := self.state()).get("finished") and state)
@@ -237,7 +241,7 @@ def check_drawing(browser, files, folder):
         linked.close()
 
         wrong = Viewer(browser, f"{served.links[0]}&view=1,2,3")
-        said = wait("a message", lambda: wrong.state().get("message"))
+        said = wrong.told()
         assert "azimuth,elevation" in said, said
         wrong.close()
     finally:
@@ -273,7 +277,7 @@ def check_plain_server(browser, files, folder):
         }.items():
             address = name if "://" in name else "../../data/" + name
             viewer = Viewer(browser, base + "?file=" + address)
-            said = wait("a message", lambda: viewer.state().get("message"))
+            said = viewer.told()
             print(f"{name}: {said}")
             assert words in said and "\n" not in said, said
             # A browser reports what it could not fetch.

@@ -83,7 +83,9 @@ def main():
     program = os.path.abspath(sys.argv[1])
     without = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
     refused = subprocess.run([program, "view"], env=without, capture_output=True, text=True)
-    assert refused.returncode == 2 and refused.stderr.count("\n") == 1 and "display: is missing" in refused.stderr, refused
+    assert refused.returncode == 2 and refused.stderr.count("\n") == 1 and "display: is missing" in refused.stderr, (
+        refused
+    )
     print("without a display: ", refused.stderr.strip())
 
     with tempfile.TemporaryDirectory() as folder:

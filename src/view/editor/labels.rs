@@ -5,7 +5,7 @@ use adjsplat::error::Result;
 use serde_json::{Value, json};
 
 use super::StoredValues;
-use super::points::{bytes_of, colour_of};
+use super::points::{bytes_of, colour_of, hex};
 
 /// A row of the table.
 #[derive(Debug, Clone, PartialEq)]
@@ -96,9 +96,8 @@ impl LabelTable {
     /// [`adjsplat::Error::Input`] if a number cannot be used.
     pub fn transfer(&self) -> Result<TransferFunction> {
         let row = |row: &LabelRow| {
-            let [r, g, b] = row.colour;
             let opacity = if row.is_visible { row.opacity } else { 0.0 };
-            json!({ "label": row.label, "name": row.name, "colour": format!("#{r:02x}{g:02x}{b:02x}"), "opacity": opacity })
+            json!({ "label": row.label, "name": row.name, "colour": hex(row.colour), "opacity": opacity })
         };
         let mut document = json!({
             "kind": "labels",

@@ -7,6 +7,7 @@ pub mod history;
 pub mod labels;
 pub mod maps;
 pub mod points;
+pub mod surfaces;
 pub mod ui;
 #[cfg(test)]
 mod ui_tests;
@@ -22,6 +23,7 @@ use adjsplat::volume::Axis;
 pub use history::History;
 pub use labels::LabelTable;
 pub use points::PointList;
+pub use surfaces::SurfaceTable;
 
 /// How often each value occurs among the voxels that a model stores.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,7 +75,9 @@ pub enum Edited {
     Points(PointList),
     /// A table of labels.
     Labels(LabelTable),
-    /// A function of another kind (surfaces by gradient), which stays as it is until it is turned into points.
+    /// A table of surfaces.
+    Surfaces(SurfaceTable),
+    /// A function with a ramp of more than two points by gradient, which stays as it is until another is chosen.
     Fixed(TransferFunction),
 }
 
@@ -83,10 +87,9 @@ impl Edited {
         if transfer.is_labels() {
             return Edited::Labels(LabelTable::of(transfer, stored));
         }
-        match PointList::of(transfer, stored) {
-            Some(points) => Edited::Points(points),
-            None => Edited::Fixed(transfer.clone()),
-        }
+        let points = PointList::of(transfer, stored).map(Edited::Points);
+        let edited = points.or_else(|| SurfaceTable::of(transfer).map(Edited::Surfaces));
+        edited.unwrap_or_else(|| Edited::Fixed(transfer.clone()))
     }
 
     /// Returns the transfer function.
@@ -97,6 +100,7 @@ impl Edited {
         match self {
             Edited::Points(points) => points.transfer(),
             Edited::Labels(table) => table.transfer(),
+            Edited::Surfaces(table) => table.transfer(),
             Edited::Fixed(transfer) => Ok(transfer.clone()),
         }
     }

@@ -201,7 +201,6 @@ impl PointList {
     /// # Errors
     /// [`adjsplat::Error::Input`] if the numbers cannot be used.
     pub fn transfer(&self) -> Result<TransferFunction> {
-        let hex = |[r, g, b]: [u8; 3]| format!("#{r:02x}{g:02x}{b:02x}");
         let point =
             |point: &EditPoint| json!({ "value": point.value, "colour": hex(point.colour), "opacity": point.opacity });
         let mut document = json!({
@@ -227,6 +226,11 @@ pub(super) fn colour_of(transfer: &TransferFunction, value: f64) -> [u8; 3] {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
 fn byte(part: f64) -> u8 {
     (part.clamp(0.0, 1.0) * 255.0).round() as u8
+}
+
+/// Returns a colour as the JSON writes it.
+pub(super) fn hex([r, g, b]: [u8; 3]) -> String {
+    format!("#{r:02x}{g:02x}{b:02x}")
 }
 
 /// Returns the bytes of a colour of the JSON.

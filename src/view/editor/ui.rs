@@ -8,6 +8,7 @@ use egui::{
 };
 
 use super::points::GradientRamp;
+use super::surfaces::surfaces;
 use super::{Edited, LabelTable, PointList, StoredValues};
 use crate::editor::maps::MAPS;
 
@@ -39,7 +40,7 @@ pub enum Change {
 }
 
 impl Change {
-    fn of(response: &Response) -> Change {
+    pub(super) fn of(response: &Response) -> Change {
         match response.changed() {
             true if response.dragged() || response.has_focus() => Change::Going,
             true => Change::Done,
@@ -48,7 +49,7 @@ impl Change {
         }
     }
 
-    fn and(self, other: Change) -> Change {
+    pub(super) fn and(self, other: Change) -> Change {
         match (self, other) {
             (Change::Done, _) | (_, Change::Done) => Change::Done,
             (Change::Going, _) | (_, Change::Going) => Change::Going,
@@ -68,13 +69,9 @@ pub fn editor(
     let change = match edited {
         Edited::Points(list) => points(ui, list, state, stored, missing),
         Edited::Labels(table) => return labels(ui, table, state),
-        Edited::Fixed(transfer) => {
-            let kind = if transfer.uses_gradient() { "depends on the gradient" } else { "is of a kind without points" };
-            ui.label(format!("This transfer function {kind}. It stays as it is until you choose another."));
-            if ui.button("Begin with points").clicked() {
-                *edited = Edited::Points(PointList::ramp(stored));
-                return Change::Done;
-            }
+        Edited::Surfaces(table) => surfaces(ui, table, stored.range()),
+        Edited::Fixed(_) => {
+            ui.label("This function has a ramp of many points over the gradient. It stays until you choose another.");
             Change::None
         }
     };
@@ -85,6 +82,10 @@ pub fn editor(
 fn choices(ui: &mut Ui, edited: &mut Edited, state: &mut EditorState, stored: &StoredValues) -> Change {
     let mut change = Change::None;
     ui.horizontal_wrapped(|ui| {
+        if !matches!(edited, Edited::Points(_)) && ui.button("Begin with points").clicked() {
+            *edited = Edited::Points(PointList::ramp(stored));
+            change = Change::Done;
+        }
         if let Edited::Points(list) = edited {
             ui.menu_button("Colour map", |ui| {
                 for (name, colours) in MAPS {
@@ -196,7 +197,7 @@ fn points(
     for [from, to] in missing {
         let [from, to] = [from, to].map(|end| axes.place(end.clamp(low, high), 0.0).x);
         let band = Rect::from_x_y_ranges(from..=to.max(from + 2.0), rect.y_range());
-        painter.rect_filled(band, 0.0, visuals.warn_fg_color.gamma_multiply(0.25));
+        painter.rect_filled(band, 0.0, visuals.weak_text_color().gamma_multiply(0.35));
     }
     let outline: Vec<Pos2> = std::iter::once(axes.place(low, list.opacity(low)))
         .chain(list.points().iter().map(|point| axes.place(point.value, point.opacity)))
@@ -213,7 +214,7 @@ fn points(
     }
     if !missing.is_empty() {
         let at = rect.right_top() + vec2(-6.0, 4.0);
-        painter.text(at, Align2::RIGHT_TOP, "not stored", FontId::proportional(11.0), visuals.warn_fg_color);
+        painter.text(at, Align2::RIGHT_TOP, "grey: not stored", FontId::proportional(11.0), visuals.weak_text_color());
     }
     let (colours, _) = ui.allocate_exact_size(vec2(rect.width(), HEIGHTS[1]), Sense::hover());
     strip(ui, Rect::from_x_y_ranges(inner.x_range(), colours.y_range()), |share| {
@@ -392,7 +393,7 @@ fn label_row(ui: &mut Ui, table: &mut LabelTable, index: usize) -> Change {
 }
 
 /// Gives a widget the name that screen readers say.
-fn name(widget: &Response, text: impl Into<String>) {
+pub(super) fn name(widget: &Response, text: impl Into<String>) {
     let text = text.into();
     widget.ctx.accesskit_node_builder(widget.id, |node| node.set_label(text));
 }

@@ -117,3 +117,52 @@ fn a_label_is_found_by_name_and_hidden() {
     let palette = harness.state().edits.now.transfer().unwrap();
     assert_eq!((palette.opacity(1.0, 0.0), palette.opacity(2.0, 0.0)), (1.0, 0.0));
 }
+
+#[test]
+fn a_surface_moves_by_its_number_and_others_are_added_and_removed() {
+    let text = r##"{"kind":"contour","contours":[{"value":30,"opacity":0.5,"width":1.5,"colour":"#802010"},
+        {"value":60,"opacity":0.9,"width":2,"colour":"#208010"}],"voxel_length":2.0,"shaded":false}"##;
+    let transfer = TransferFunction::from_json(text).unwrap();
+    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![1; 101] };
+    let edited = Edited::of(&transfer, &stored);
+    assert_eq!(edited.transfer().unwrap(), transfer);
+    let mut harness = harness(edited, stored);
+    harness.get_by_label("Value of surface 1").click();
+    harness.run();
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    // Values ascend: it stays below the next one.
+    harness.event(egui::Event::Text("72".into()));
+    harness.key_press(Key::Enter);
+    harness.run();
+    let values = |harness: &Harness<'_, State>| match &harness.state().edits.now {
+        Edited::Surfaces(table) => table.rows().iter().map(|row| row.value).collect::<Vec<_>>(),
+        other => panic!("no surfaces: {other:?}"),
+    };
+    assert_eq!(values(&harness), [60f64.next_down(), 60.0]);
+    harness.get_by_label("Add a surface").click();
+    harness.run();
+    assert_eq!(values(&harness)[1..], [60.0, 70.0]);
+    harness.get_all_by_label("Remove").next().unwrap().click();
+    harness.run();
+    assert_eq!(values(&harness), [60.0, 70.0]);
+    let changed = harness.state().edits.now.transfer().unwrap();
+    assert!(!changed.shaded() && changed.opacity(70.0, 50.0) > 0.0, "{changed:?}");
+}
+
+#[test]
+fn boundaries_of_regions_and_long_ramps_keep_what_they_are() {
+    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![1; 101] };
+    let region = r##"{"kind":"region","knots":[{"value":10,"colour":"#000000","opacity":0},
+        {"value":50,"colour":"#ff0000","opacity":0.4}],"largest_magnitude":12.0}"##;
+    let ramp = r##"{"kind":"points","points":[{"value":10,"colour":"#000000","opacity":0.2}],
+        "gradient":[{"magnitude":0,"factor":0},{"magnitude":3,"factor":0.5},{"magnitude":5,"factor":1}]}"##;
+    for text in [region, ramp] {
+        let transfer = TransferFunction::from_json(text).unwrap();
+        let mut harness = harness(Edited::of(&transfer, &stored), stored.clone());
+        harness.run();
+        assert_eq!(harness.state().edits.now.transfer().unwrap(), transfer);
+        harness.get_by_label("Begin with points").click();
+        harness.run();
+        assert_eq!(list(&harness).points().len(), 3);
+    }
+}
