@@ -1,6 +1,8 @@
 //! The viewer without a window: its interface is driven by events, and read by the names that a screen reader says.
 #![allow(clippy::cast_possible_truncation, reason = "samples and pixels of tests are small")]
 
+mod snapshots;
+
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -45,11 +47,15 @@ fn driven(files: Vec<PathBuf>) -> Driven {
     drawn_by(Renderer::Processor, files)
 }
 
+fn builder<State>() -> egui_kittest::HarnessBuilder<State> {
+    Harness::builder().with_size(vec2(1280.0, 720.0)).with_step_dt(1.0 / 60.0)
+}
+
 fn drawn_by(renderer: Renderer, files: Vec<PathBuf>) -> Driven {
     let show = move |ui: &mut egui::Ui, viewer: &mut Option<Viewer>| {
         viewer.get_or_insert_with(|| Viewer::new(ui.ctx(), &files, RecentFiles::default(), renderer)).show(ui);
     };
-    Harness::builder().with_size(vec2(1280.0, 720.0)).with_step_dt(1.0 / 60.0).build_ui_state(show, None)
+    builder().build_ui_state(show, None)
 }
 
 fn viewer(driven: &Driven) -> &Viewer {
