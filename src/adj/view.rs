@@ -10,7 +10,7 @@ use adjsplat::error::{Error, Result};
 /// Show .adj files or volumes in a window: turn, cut, colour and measure them, and save pictures
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  adj view head.adj\n  adj view ct-series/ mask.nrrd\nWithout a display, draw with adj render."
+    after_help = "Examples:\n  adj view head.adj\n  adj view ct-series/ mask.nrrd\nWithout a display, draw with adj render, or look in a browser with adj serve."
 )]
 pub(super) struct Arguments {
     /// .adj files, or volumes that adj build reads; none opens an empty window

@@ -16,7 +16,10 @@ use crate::recent::RecentFiles;
 /// [`Error::Input`] if there is no display; [`Error::Device`] if there is nothing that can draw a window.
 pub fn run(files: Vec<PathBuf>) -> Result<()> {
     if !has_display() {
-        return Err(Error::input("display", "is missing, so that no window can open; draw pictures with adj render"));
+        return Err(Error::input(
+            "display",
+            "is missing, so that no window can open; draw pictures with adj render, or show files in a browser with adj serve",
+        ));
     }
     let size = egui::vec2(1280.0, 800.0);
     let viewport =

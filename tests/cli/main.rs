@@ -15,6 +15,7 @@ mod killed;
 mod library;
 mod memory;
 mod outputs;
+mod serve;
 mod study;
 mod transfer;
 mod trim;

@@ -192,6 +192,26 @@ fn a_lane_is_uploaded_once_as_it_is() {
 }
 
 #[test]
+fn lanes_stay_on_the_device_while_the_transfer_function_changes() {
+    let Some(opened) = device() else { return };
+    let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LIT_LAYERS), 8);
+    let size = [64, 64];
+    let (camera, settings) = (built.orbit(10.0, 5.0, None, size), Settings::every_pixel(size));
+    let mut resident = renderer(opened, &built, PLENTY).into_resident();
+    for (index, opacity) in ["0.6", "0.2", "0.6"].into_iter().enumerate() {
+        let transfer = transfer(&LIT_LAYERS.replace("0.6", opacity));
+        let scene = Scene { transfer: &transfer, ..built.scene() };
+        let mut renderer = resident.renderer(scene);
+        let (frame, stats) = renderer.render(&camera, &settings).unwrap();
+        assert_eq!(stats.upload_bytes > 0, index == 0, "{opacity}: {stats:?}");
+        resident = renderer.into_resident();
+        let options = GpuOptions::default().with_vram(PLENTY).with_compositor(Compositor::Tiles);
+        let mut fresh = GpuRenderer::new(opened.device.clone(), opened.queue.clone(), scene, options).unwrap();
+        assert!(fresh.render(&camera, &settings).unwrap().0.pixels() == frame.pixels(), "{opacity}");
+    }
+}
+
+#[test]
 fn a_line_list_lasts_as_long_as_its_order() {
     let Some(opened) = device() else { return };
     let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LIT_LAYERS), 8);
