@@ -7,7 +7,7 @@
 //! | wheel, pinch | magnify at the pointer |
 //! | W A S D Q E in flight | forward, left, back, right, down, up |
 
-use egui::{Key, PointerButton, Response, Ui, Vec2};
+use egui::{Key, PointerButton, Pos2, Rect, Response, Ui, Vec2};
 
 use crate::look::Eye;
 
@@ -41,11 +41,12 @@ pub fn navigate(ui: &Ui, view: &Response, eye: &mut Eye, motion: &mut Motion, ma
     let height = f64::from(view.rect.height().max(1.0));
     let (step, shift, touches) =
         ui.input(|input| (input.stable_dt.min(0.1), input.modifiers.shift, input.multi_touch()));
+    let touches = touches.filter(|touches| view.rect.contains(touches.center_pos));
     let moves = shift || view.dragged_by(PointerButton::Middle) || view.dragged_by(PointerButton::Secondary);
     let delta = view.drag_delta();
     if let Some(touches) = touches {
         pan(eye, touches.translation_delta, height);
-        eye.zoom(f64::from(touches.zoom_delta), [0.0; 2]);
+        magnify(eye, touches.zoom_delta, touches.center_pos, view.rect);
         motion.speed = Vec2::ZERO;
     } else if view.dragged() && moves {
         pan(eye, delta, height);
@@ -57,13 +58,10 @@ pub fn navigate(ui: &Ui, view: &Response, eye: &mut Eye, motion: &mut Motion, ma
     } else if motion.speed != Vec2::ZERO {
         coast(ui, eye, motion, step, height, manner);
     }
-    if view.hovered() {
+    // The input's pinch is also that of two fingers.
+    if let (true, None, Some(at)) = (view.hovered(), touches, view.hover_pos()) {
         let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
-        let factor = f64::from(pinch) * f64::from(scroll / 250.0).exp();
-        if factor != 1.0 {
-            let from_middle = view.hover_pos().map_or(Vec2::ZERO, |at| at - view.rect.center());
-            eye.zoom(factor, [f64::from(from_middle.x) / height, -f64::from(from_middle.y) / height]);
-        }
+        magnify(eye, pinch * (scroll / 250.0).exp(), at, view.rect);
     }
     if manner.flies && !ui.ctx().egui_wants_keyboard_input() {
         fly(ui, eye, step);
@@ -79,6 +77,14 @@ fn turn(eye: &mut Eye, delta: Vec2, height: f64, manner: Manner) {
 fn pan(eye: &mut Eye, delta: Vec2, height: f64) {
     let scale = eye.height / height;
     eye.shift([-f64::from(delta.x) * scale, f64::from(delta.y) * scale, 0.0]);
+}
+
+/// Magnifies at a point of the view.
+fn magnify(eye: &mut Eye, factor: f32, at: Pos2, view: Rect) {
+    if factor != 1.0 {
+        let from_middle = (at - view.center()) / view.height().max(1.0);
+        eye.zoom(factor.into(), [from_middle.x.into(), f64::from(-from_middle.y)]);
+    }
 }
 
 fn coast(ui: &Ui, eye: &mut Eye, motion: &mut Motion, step: f32, height: f64, manner: Manner) {

@@ -17,7 +17,7 @@ use adjsplat_view::editor::Edited;
 use adjsplat_view::look::Look;
 use adjsplat_view::recent::RecentFiles;
 use adjsplat_view::save::{PictureForm, save};
-use egui::{Event, Key, Modifiers, PointerButton, Pos2, pos2, vec2};
+use egui::{Event, Key, Modifiers, PointerButton, Pos2, TouchPhase, pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 
@@ -130,6 +130,33 @@ fn decibels(a: &egui::ColorImage, b: &egui::ColorImage) -> f64 {
     let (a, b) = (samples(a), samples(b));
     let sum: f64 = a.iter().zip(&b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
     20.0 * (255.0 / (sum / a.len() as f64).sqrt()).log10()
+}
+
+#[test]
+fn two_fingers_magnify_as_far_as_they_part() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = opened(folder.path());
+    driven.step();
+    let before = document(&driven).look.eye;
+    let mut touch = |phase, half: f32, middle: Pos2| {
+        for (id, side) in [(1, -1.0), (2, 1.0)] {
+            let (device_id, id) = (egui::TouchDeviceId(0), egui::TouchId(id));
+            let pos = middle + vec2(side * half, 0.0);
+            driven.event(Event::Touch { device_id, id, phase, pos, force: None });
+            if id.0 == 1 {
+                driven.event(Event::PointerMoved(pos));
+            }
+        }
+        driven.step();
+    };
+    touch(TouchPhase::Start, 40.0, VIEW);
+    for step in 1..=8u8 {
+        touch(TouchPhase::Move, 40.0 + 5.0 * f32::from(step), VIEW);
+    }
+    touch(TouchPhase::End, 80.0, VIEW);
+    let after = document(&driven).look.eye;
+    assert!((before.height / after.height - 2.0).abs() < 1e-3, "{before:?} {after:?}");
+    assert_eq!((before.azimuth, before.elevation), (after.azimuth, after.elevation));
 }
 
 #[test]
