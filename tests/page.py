@@ -171,10 +171,10 @@ def decibels(a, b):
 
 def of_program(file, viewer, folder, *options):
     """The picture that `adj render` draws from the page's camera."""
-    state, shown = viewer.settled(), viewer.picture()
+    state = viewer.settled()
     out = os.path.join(folder, "want.png")
     columns, rows = state["size"]
-    background = "#" + "".join(f"{value:02x}" for value in shown[0, 0])
+    background = "#" + "".join(f"{value:02x}" for value in state["background"])
     adj("render", file, "-o", out, "--camera", json.dumps(state["camera"]), "--size", f"{columns}x{rows}",
         "--quality", state["quality"], "--background", background, *options)  # fmt: skip
     return np.asarray(Image.open(out).convert("RGB"))

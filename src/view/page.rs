@@ -56,6 +56,7 @@ pub(crate) fn publish(viewer: &Viewer) {
         "fetched": document.and_then(|document| document.fetched),
         "view": document.map(|document| document.look.eye.to_text()),
         "camera": document.and_then(|document| document.look.eye.camera().ok()),
+        "background": document.map(|document| document.look.background),
         "quality": shown.map(|shown| shown.quality.name()),
         "size": shown.map(|shown| shown.size),
         "milliseconds": shown.map(|shown| shown.milliseconds),
@@ -67,7 +68,7 @@ pub(crate) fn publish(viewer: &Viewer) {
     SHOWN.set((state.to_string(), picture));
 }
 
-/// Returns what is shown, as JSON: file, view, quality and size of the picture, messages.
+/// Returns what is shown, as JSON: file, view, background, quality and size of the picture, messages.
 #[wasm_bindgen]
 pub fn state() -> String {
     SHOWN.with_borrow(|shown| shown.0.clone())
