@@ -1,17 +1,18 @@
-"""Arguments that several functions take: outputs, memory, threads."""
+"""Arguments that several functions take: outputs, memory, threads, numbers."""
 
 from __future__ import annotations
 
 import errno
 import operator
 import os
+import reprlib
 from collections.abc import Sequence
 from typing import Any
 
 
 def path_in_folder(out: str | os.PathLike[str]) -> str:
     """Returns the absolute path of an output, if its folder is there."""
-    path = os.path.abspath(os.fspath(out))
+    path = os.path.abspath(os.fsdecode(out))
     folder = os.path.dirname(path)
     if not os.path.isdir(folder):
         raise FileNotFoundError(errno.ENOENT, "there is no such folder", folder)
@@ -76,6 +77,29 @@ def whole(name: str, number: Any) -> int:
         return operator.index(number)
     except TypeError:
         raise TypeError(f"{name} must be a whole number, not {number!r}") from None
+
+
+def number(name: str, value: Any) -> float:
+    """Returns a real number of any type as a float.
+
+    >>> number("zoom", "a")
+    Traceback (most recent call last):
+    TypeError: zoom must be a number, not 'a'
+    """
+    shown = reprlib.repr(value)
+    try:
+        if not isinstance(value, (bool, str, bytes)):
+            return float(value)
+    except OverflowError:
+        raise ValueError(f"{name} is {shown}, but floating point has no number as large") from None
+    except (TypeError, ValueError):
+        pass
+    raise TypeError(f"{name} must be a number, not {shown}") from None
+
+
+def optional_number(name: str, value: Any) -> float | None:
+    """Returns a real number of any type as a float; None stays."""
+    return None if value is None else number(name, value)
 
 
 def text(name: str, value: Any) -> str:

@@ -221,7 +221,7 @@ def _chosen(visible: Any, transfer: Any, labels: Any) -> str | None:
 def _files(volume: Any) -> list[str]:
     """Returns the paths that `volume` names: one, several, or a pattern."""
     if isinstance(volume, (str, os.PathLike)):
-        path = os.fspath(volume)
+        path = os.fsdecode(volume)
         if isinstance(path, str) and not os.path.exists(path) and any(sign in path for sign in "*?["):
             found = sorted(file for file in glob.glob(path) if os.path.isfile(file))
             if not found:
@@ -233,7 +233,7 @@ def _files(volume: Any) -> list[str]:
             )
         return [path]
     if isinstance(volume, Sequence) and volume and all(isinstance(file, (str, os.PathLike)) for file in volume):
-        return [os.fspath(file) for file in volume]
+        return [os.fsdecode(file) for file in volume]
     raise TypeError(f"a volume is an array (z, y, x), a path or a list of paths, not {type(volume).__name__}")
 
 

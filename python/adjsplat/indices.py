@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from typing import Any
 
 import numpy as np
@@ -36,5 +37,5 @@ def covered(part: Any, points: int, axis: int) -> tuple[int, int, Any]:
         kind = type(part).__name__
         raise TypeError(f"a model is indexed by whole numbers and slices, not {kind}; take f.to_numpy() first")
     if not -points <= index < points:
-        raise IndexError(f"index {index} is out of bounds for axis {axis} with {points} points")
+        raise IndexError(f"index {reprlib.repr(index)} is out of bounds for axis {axis} with {points} points")
     return index % points, 1, 0

@@ -34,7 +34,7 @@ def open(path: str | os.PathLike[str], *, mapped: bool = True) -> Model:
     ...     print(f.shape, f.count)
     (64, 64, 64) 143360
     """
-    path = os.path.abspath(os.fspath(path))
+    path = os.path.abspath(os.fsdecode(path))
     if mapped:
         return Model(_native.Model.open(path), path)
     # Opened as a map first: it refuses pipes and folders, and names the file in its errors.

@@ -60,7 +60,7 @@ def save(path: str | os.PathLike[str], pictures: Any) -> None:
     `pictures` is an array as `render` returns it, or an iterable of such. The file appears whole or not at all.
     """
     several = [pictures] if isinstance(pictures, np.ndarray) and pictures.ndim == 3 else list(pictures)
-    _native.write_pictures(os.fspath(path), [_linear(picture) for picture in several])
+    _native.write_pictures(os.fsdecode(path), [_linear(picture) for picture in several])
 
 
 def over(picture: np.ndarray, behind: np.ndarray) -> np.ndarray:
@@ -106,7 +106,7 @@ def _decoded(encoded: np.ndarray) -> np.ndarray:
 def _linear(picture: Any) -> np.ndarray:
     """Returns a picture as linear premultiplied numbers, contiguous."""
     if isinstance(picture, (str, os.PathLike)):
-        return _native.read_picture(os.fspath(picture))
+        return _native.read_picture(os.fsdecode(picture))
     picture = np.asarray(picture)
     if picture.ndim != 3 or picture.shape[2] != 4:
         raise ValueError(f"a picture has the shape (rows, columns, 4), not {picture.shape}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import reprlib
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from . import _native
-from .arguments import byte_count, text, thread_count, whole
+from .arguments import byte_count, number, optional_number, text, thread_count, whole
 from .indices import covered, expanded
 from .model import Model, open
 from .pictures import linear_colour, over, to_srgb8
@@ -38,7 +39,9 @@ class _Look:
         self.size = [columns, rows]
         self.quality, self.mode = text("quality", quality), text("mode", mode)
         self.sampling = None if sampling is None else text("sampling", sampling)
-        self.lighting, self.exposure, self.sharpness = bool(lighting), exposure, sharpness
+        self.lighting = bool(lighting)
+        self.exposure = optional_number("exposure", exposure)
+        self.sharpness = optional_number("sharpness", sharpness)
         self.threads = thread_count(threads)
         self.crop = None if crop is None else _crop(model, crop)
         self.clip = None if clip is None else _clip(clip)
@@ -119,8 +122,7 @@ class Renderer:
     ) -> list[dict[str, Any]]:
         """Returns the cameras of several orbits (azimuth, elevation), which look at one point and have one scale."""
         look = _Look(self.model, size, "standard", "composite", None, True, None, None, crop, None, None)
-        texts = _native.cameras(self.model._open, look, [tuple(orbit) for orbit in orbits], zoom, perspective, up)
-        return [json.loads(text) for text in texts]
+        return [json.loads(camera) for camera in _cameras(self.model, look, orbits, zoom, perspective, up)]
 
     def render(
         self,
@@ -149,13 +151,14 @@ class Renderer:
         native = self.model._open
         if max_error is not None and (quality, sampling) != ("standard", None):
             raise ValueError("max_error chooses quality and sampling; leave these out")
+        max_error = optional_number("max_error", max_error)
         dtype = np.dtype(dtype)
         if dtype not in (np.dtype(np.float32), np.dtype(np.uint8)):
             raise ValueError(f"dtype is {dtype}, but a picture is float32 (linear) or uint8 (sRGB)")
         behind = None if background is None else linear_colour(background)
         look = _Look(self.model, size, quality, mode, sampling, lighting, exposure, sharpness, crop, clip, threads)
         if camera is None:
-            view = _native.cameras(native, look, [(azimuth, elevation)], zoom, perspective, up)[0]
+            view = _cameras(self.model, look, [(azimuth, elevation)], zoom, perspective, up)[0]
         elif (azimuth, elevation, zoom, perspective, up) != (0.0, 0.0, 1.0, None, "z"):
             raise ValueError("camera is the whole view; leave out azimuth, elevation, zoom, perspective and up")
         else:
@@ -189,7 +192,19 @@ class Renderer:
         raise TypeError("a renderer cannot be pickled: its device belongs to this process; pickle the model")
 
 
+def _cameras(
+    model: Model, look: _Look, orbits: Sequence[tuple[float, float]], zoom: float, perspective: float | None, up: str
+) -> list[str]:
+    """Returns the cameras of orbits as JSON."""
+    angles = [(number("azimuth", azimuth), number("elevation", elevation)) for azimuth, elevation in orbits]
+    zoom, perspective = number("zoom", zoom), optional_number("perspective", perspective)
+    return _native.cameras(model._open, look, angles, zoom, perspective, text("up", up))
+
+
 def _camera_json(camera: Mapping[str, Any]) -> str:
+    if not isinstance(camera, Mapping):
+        raise TypeError(f"camera must be a dict, as Renderer.camera returns, not {reprlib.repr(camera)}")
+
     def plain(numbers: Any) -> Any:
         array = np.asarray(numbers)
         if array.dtype.kind not in "uif":

@@ -12,7 +12,7 @@ import numpy as np
 
 from . import _native
 from ._optional import needed
-from .arguments import whole
+from .arguments import number, whole
 
 #: Opacities below this are drawn as nothing: it is less than one step of an 8-bit picture.
 FAINT = 1 / 255
@@ -49,7 +49,7 @@ class TransferFunction:
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> TransferFunction:
         """Reads a JSON file, or a colour table of 3D Slicer (`.ctbl`)."""
-        return cls(_native.transfer_file(os.fspath(path)))
+        return cls(_native.transfer_file(os.fsdecode(path)))
 
     @classmethod
     def preset(cls, name: str) -> TransferFunction:
@@ -72,10 +72,8 @@ class TransferFunction:
         # Infinity is an open end, too.
         given = (("low", low, -math.inf), ("high", high, math.inf))
         ends = {name: end for name, end, no_end in given if end is not None and end != no_end}
-        if any(isinstance(end, (str, bytes)) for end in ends.values()):
-            raise TypeError(f"a range has numbers as its ends, not {low!r} and {high!r}")
-        ends = {name: float(end) for name, end in ends.items()}
-        return cls({"kind": "range", "opacity": opacity, **ends})
+        ends = {name: number(name, end) for name, end in ends.items()}
+        return cls({"kind": "range", "opacity": number("opacity", opacity), **ends})
 
     @classmethod
     def contour(
@@ -85,7 +83,9 @@ class TransferFunction:
 
         `cap` closes it where the volume's faces cut the body of higher values ("above") or lower ones ("below").
         """
-        contour = {"value": value, "opacity": opacity} | ({} if colour is None else {"colour": _colour(colour)})
+        contour = {"value": number("value", value), "opacity": number("opacity", opacity)} | (
+            {} if colour is None else {"colour": _colour(colour)}
+        )
         return cls({"kind": "contour", "contours": [contour]} | ({} if cap is None else {"cap": cap}))
 
     @classmethod
@@ -103,11 +103,16 @@ class TransferFunction:
         """
         document = {
             "kind": "points",
-            "points": [{"value": v, "colour": _colour(c), "opacity": o} for v, c, o in points],
+            "points": [
+                {"value": number("a value", v), "colour": _colour(c), "opacity": number("an opacity", o)}
+                for v, c, o in points
+            ],
             "shaded": shaded,
         }
         if gradient:
-            document["gradient"] = [{"magnitude": m, "factor": f} for m, f in gradient]
+            document["gradient"] = [
+                {"magnitude": number("a magnitude", m), "factor": number("a factor", f)} for m, f in gradient
+            ]
         return cls(document)
 
     @classmethod
@@ -128,6 +133,7 @@ class TransferFunction:
                 name, colour, opacity = (*look, 1.0)[:3]
             else:
                 name, colour, opacity = str(label), look, 1.0
+            opacity = number("an opacity", opacity)
             return {"label": whole("a label", label), "name": name, "colour": _colour(colour), "opacity": opacity}
 
         return cls(
@@ -155,7 +161,7 @@ class TransferFunction:
         [0.0, 0.5, 1.0]
         """
         colormaps = needed("matplotlib", "TransferFunction.from_matplotlib").colormaps
-        low, high = (float(end) for end in clim)
+        low, high = (number("an end of clim", end) for end in clim)
         if not (np.isfinite([low, high]).all() and low < high):
             raise ValueError(f"clim is {clim}, but must be two finite values, the lower one first")
         if not 2 <= samples <= 4096:
@@ -188,9 +194,9 @@ class TransferFunction:
     def opacity(self, values: Any, magnitude: float = 0.0) -> np.ndarray:
         """Returns the opacity of each value, at a gradient of this magnitude, as float64 of the same shape."""
         values = np.asarray(values, dtype=np.float64)
-        return _native.transfer_opacities(self._text, np.ascontiguousarray(values).ravel(), magnitude).reshape(
-            values.shape
-        )
+        return _native.transfer_opacities(
+            self._text, np.ascontiguousarray(values).ravel(), number("magnitude", magnitude)
+        ).reshape(values.shape)
 
     def colour(self, values: Any) -> np.ndarray:
         """Returns linear red, green and blue of each value, as float32 with one more dimension.
@@ -232,7 +238,7 @@ def as_transfer(transfer: Any) -> TransferFunction:
 
 
 def _colour(colour: Any) -> Any:
-    return colour if isinstance(colour, str) else [float(part) for part in colour]
+    return colour if isinstance(colour, str) else [number("a part of a colour", part) for part in colour]
 
 
 def _opacities(opacity: str | float | Sequence[float], share: np.ndarray) -> np.ndarray:

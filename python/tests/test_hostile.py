@@ -242,7 +242,7 @@ ARGUMENTS = {
         ValueError,
         "beyond all sample types",
     ),
-    "a text as an end": (lambda f: adj.build(ONES, visible=("1", None)), TypeError, "numbers as its ends, not '1'"),
+    "a text as an end": (lambda f: adj.build(ONES, visible=("1", None)), TypeError, "low must be a number, not '1'"),
     "one end": (lambda f: adj.build(ONES, visible=1), TypeError, "visible must be two values"),
     "a unit that is a number": (lambda f: adj.build(ONES, visible=(1, 2), unit=3), TypeError, "unit must be a string"),
     "bits with a fraction": (
@@ -296,3 +296,32 @@ def test_dask_arrays_that_are_masked_or_of_unknown_shape():
     unknown = dask.from_array(ONES)[dask.from_array(ONES[:, 0, 0]) > 0]
     with pytest.raises(ValueError, match="compute_chunk_sizes"):
         adj.build(unknown, visible=(1, None))
+
+
+HUGE = 10**400
+NUMBERS = {
+    "a range's end": (lambda f: adj.TransferFunction.range(HUGE), ValueError, "low"),
+    "a visible value": (lambda f: adj.build(ONES, visible=(1j, None)), TypeError, "low"),
+    "a point's value": (lambda f: adj.TransferFunction.points([(HUGE, "#ffffff", 1)]), ValueError, "value"),
+    "a point's opacity": (lambda f: adj.TransferFunction.points([(1, "#ffffff", None)]), TypeError, "opacity"),
+    "a colour": (lambda f: adj.TransferFunction.points([(1, ("a", 0, 0), 1)]), TypeError, "colour"),
+    "an azimuth": (lambda f: adj.render(f, (8, 8), azimuth=None), TypeError, "azimuth"),
+    "a zoom": (lambda f: adj.render(f, (8, 8), zoom=HUGE), ValueError, "zoom"),
+    "an error": (lambda f: adj.render(f, (8, 8), max_error="a"), TypeError, "max_error"),
+    "a camera": (lambda f: adj.render(f, (8, 8), camera=1j), TypeError, "camera"),
+    "an index": (lambda f: f[HUGE], IndexError, "out of bounds"),
+}
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_a_number_that_is_none_is_named(name):
+    use, error, word = NUMBERS[name]
+    with pytest.raises(error, match=word) as raised:
+        use(adj.build(blob(), visible=(60, None)))
+    assert len(str(raised.value)) < 200
+
+
+def test_paths_may_be_bytes(tmp_path):
+    path = tmp_path / "blob.adj"
+    adj.build(ONES, visible=(1, None), out=bytes(path))
+    assert adj.open(bytes(path)).count == ONES.size
