@@ -40,6 +40,34 @@ def refused(*words):
     return ran.stderr
 
 
+# Without a screen Chromium shows no canvas that WebGPU draws, and takes its device away. So the page draws its window into a
+# texture of its own, which can be read.
+SCREEN = """
+let device, format, texture;
+GPUCanvasContext.prototype.configure = (how) => { ({ device, format } = how); texture = undefined; };
+GPUCanvasContext.prototype.unconfigure = () => {};
+GPUCanvasContext.prototype.getCurrentTexture = function () {
+  const { width, height } = this.canvas;
+  if (texture?.width !== width || texture?.height !== height) {
+    const usage = GPUTextureUsage.RENDER_ATTACHMENT | GPUTextureUsage.COPY_SRC;
+    texture = device.createTexture({ size: [width, height], format, usage });
+  }
+  return texture;
+};
+globalThis.screen_pixels = async () => {
+  const { width, height } = texture;
+  const bytesPerRow = 256 * Math.ceil(width / 64);
+  const usage = GPUBufferUsage.COPY_DST | GPUBufferUsage.MAP_READ;
+  const buffer = device.createBuffer({ size: bytesPerRow * height, usage });
+  const encoder = device.createCommandEncoder();
+  encoder.copyTextureToBuffer({ texture }, { buffer, bytesPerRow }, [width, height]);
+  device.queue.submit([encoder.finish()]);
+  await buffer.mapAsync(GPUMapMode.READ);
+  return { width, height, bytesPerRow, format, bytes: Array.from(new Uint8Array(buffer.getMappedRange())) };
+};
+"""
+
+
 class Serving:
     """`adj serve` and the links that it printed."""
 
@@ -108,6 +136,7 @@ class Viewer:
 
     def __init__(self, browser, address):
         self.page = browser.new_page(viewport=SIZE, has_touch=True)
+        self.page.add_init_script(SCREEN)
         self.answers, self.faults = [], []
         self.page.on("response", lambda answer: self.answers.append((answer.url, answer.status, answer.headers)))
         self.page.on("pageerror", lambda fault: self.faults.append(str(fault)))
@@ -134,6 +163,13 @@ class Viewer:
         columns, rows = state["size"]
         pixels = np.array(self.page.evaluate("Array.from(globalThis.adjsplat.pixels())"), np.uint8)
         return pixels.reshape(rows, columns, 4)[..., :3]
+
+    def screen(self):
+        """What the window shows."""
+        got = self.page.evaluate("globalThis.screen_pixels()")
+        rows = np.array(got["bytes"], np.uint8).reshape(got["height"], got["bytesPerRow"])
+        pixels = rows[:, : 4 * got["width"]].reshape(got["height"], got["width"], 4)
+        return pixels[..., [2, 1, 0]] if got["format"].startswith("bgra") else pixels[..., :3]
 
     def drag(self, start, end):
         self.page.mouse.move(*start)
@@ -226,6 +262,15 @@ def check_drawing(browser, files, folder):
         near = decibels(shown, of_program(files[0], viewer, folder))
         print(f"{sum(fetched)} of {size} bytes fetched; {near:.1f} dB from the program's picture")
         assert near > NEAR and shown.std() > 10
+        screen = viewer.screen()
+        rows, columns = shown.shape[:2]
+        # Below the menu and left of the panel; scale bar and axis cross lie over it.
+        same = max(
+            (np.abs(screen[top : top + rows, :columns].astype(int) - shown).max(axis=2) < 3).mean()
+            for top in range(20, 80)
+        )
+        print(f"{same:.1%} of the view's pixels are on the screen")
+        assert same > 0.97 and screen[:, columns + 10 :].std() > 10
         hosts = {urllib.parse.urlsplit(url).netloc for url, *_ in viewer.answers} - {""}
         assert hosts == {f"127.0.0.1:{served.port}"}, hosts
 
