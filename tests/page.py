@@ -96,7 +96,10 @@ class Plain(http.server.SimpleHTTPRequestHandler):
 
 
 class Slow(Plain):
-    """A server that takes long to send ranges."""
+    """A server that takes long to send ranges, and that waits with the records of the second part until it is told."""
+
+    asked = 0
+    may_go_on = threading.Event()
 
     def do_GET(self):
         path = self.translate_path(self.path)
@@ -104,13 +107,19 @@ class Slow(Plain):
         if wanted is None:
             return super().do_GET()
         start, end = map(int, wanted.removeprefix("bytes=").split("-"))
-        time.sleep(1)
+        Slow.asked += 1
+        time.sleep(0.5)
+        # Before them come the head, the tables, and steps, values and normals of the first part.
+        if Slow.asked > 5:
+            Slow.may_go_on.wait(PATIENCE)
         with open(path, "rb") as file:
             whole = file.read()
         part = whole[start : end + 1]
         self.send_response(206)
         self.send_header("Content-Length", str(len(part)))
         self.send_header("Content-Range", f"bytes {start}-{start + len(part) - 1}/{len(whole)}")
+        # A file that changes from request to request.
+        self.send_header("ETag", f'"{start if "changing" in path else 0}"')
         self.end_headers()
         self.wfile.write(part)
 
@@ -368,11 +377,26 @@ def check_slow_server(browser, folder):
     try:
         viewer = Viewer(browser, base + "?file=large.adj")
         part = wait("a part", lambda: (state := viewer.state()).get("quality") and state)
+        Slow.may_go_on.set()
         whole = wait("the whole", lambda: (state := viewer.state())["fetched"] > part["fetched"] and state)
         print(f"shown after {part['fetched'][0]} bytes")
         assert part["view"] == whole["view"]
         assert decibels(viewer.picture(), of_program(file, viewer, folder)) > NEAR
         viewer.close()
+        with open(file, "rb") as whole:
+            content = whole.read()
+        for name, bytes_, words in [
+            ("changing.adj", content, "cut or changed while it was fetched"),
+            ("short.adj", content[:-256], "was cut or grew"),
+            ("tiny.adj", content[:100], "a header of 256 bytes"),
+        ]:
+            with open(os.path.join(root, name), "wb") as out:
+                out.write(bytes_)
+            viewer = Viewer(browser, base + "?file=" + name)
+            said = viewer.told()
+            print(f"{name}: {said}")
+            assert words in said, said
+            viewer.close()
     finally:
         server.shutdown()
 

@@ -23,8 +23,6 @@ use crate::open::{Phase, Progress, model_of};
 const PARTS: RangeInclusive<u64> = 256 << 10..=4 << 20;
 /// A picture of what has arrived is shown after so many seconds, and again when this time has doubled.
 const PATIENCE: f64 = 0.7;
-/// Where the header of a file says how long the file is.
-const LENGTH_AT: usize = 16;
 
 /// Returns a model of the file at an address; the number of bytes that were fetched, and those of the whole file.
 ///
@@ -36,15 +34,13 @@ pub(crate) async fn model(
     arrived: impl Fn(Model, Option<VoxelBox>, [u64; 2]),
 ) -> Result<(Model, [u64; 2])> {
     progress.set(Phase::Fetching, 0, 1)?;
-    let (head, is_part) = get(address, 0..FirstLane::HEAD).await?;
-    let mut fetched = u64::from(head.length());
-    let head = head.to_vec();
-    if !is_part {
-        return Ok((model_of(address, head)?, [fetched, fetched]));
-    }
-    let length =
-        head.get(LENGTH_AT..LENGTH_AT + 8).and_then(|bytes| bytes.try_into().ok()).map_or(0, u64::from_le_bytes);
-    let FirstLane { mut bytes, parts } = FirstLane::new(&head, length, PARTS, address)?;
+    let head = received(address, ask(address, 0..FirstLane::HEAD)?).await?;
+    let mut fetched = u64::from(head.bytes.length());
+    let Some(part) = &head.part else {
+        return Ok((model_of(address, head.bytes.to_vec())?, [fetched, fetched]));
+    };
+    let length = part.whole;
+    let FirstLane { mut bytes, parts } = FirstLane::new(&head.bytes.to_vec(), length, PARTS, address)?;
     let total: u64 = parts.iter().map(Part::bytes).sum();
     let (start, mut patience) = (Instant::now(), PATIENCE);
     let mut done = 0;
@@ -68,33 +64,55 @@ pub(crate) async fn model(
 }
 
 /// Copies a part of the file at an address to where it belongs; returns the number of bytes that were fetched.
-async fn fetch(address: &str, part: &Part, head: &[u8], bytes: &mut [u8]) -> Result<u64> {
+async fn fetch(address: &str, part: &Part, head: &Answer, bytes: &mut [u8]) -> Result<u64> {
     let mut answers = Vec::new();
     for (range, at) in &part.ranges {
         // Some of it came with the head.
-        let in_head = |place: u64| usize::try_from(place).map_or(head.len(), |place| place.min(head.len()));
-        let known = &head[in_head(range.start)..in_head(range.end)];
-        bytes[*at..at + known.len()].copy_from_slice(known);
-        let rest = range.start + known.len() as u64..range.end;
+        let in_head = |place: u64| u32::try_from(place).unwrap_or(u32::MAX).min(head.bytes.length());
+        let known = head.bytes.subarray(in_head(range.start), in_head(range.end));
+        known.copy_to(&mut bytes[*at..at + known.length() as usize]);
+        let rest = range.start + u64::from(known.length())..range.end;
         if !rest.is_empty() {
-            answers.push((rest.end - rest.start, at + known.len(), ask(address, rest)?));
+            answers.push((rest.clone(), at + known.length() as usize, ask(address, rest)?));
         }
     }
     let mut fetched = 0;
     for (wanted, at, answer) in answers {
-        let (got, is_part) = received(address, answer).await?;
-        if !is_part || u64::from(got.length()) != wanted {
+        let got = received(address, answer).await?;
+        let is_same = got.part.as_ref().is_some_and(|part| {
+            part.first == wanted.start && head.part.as_ref().is_some_and(|head| head.whole == part.whole)
+        });
+        if !is_same || got.version != head.version || u64::from(got.bytes.length()) != wanted.end - wanted.start {
             return Err(Error::input(address, "was cut or changed while it was fetched; load the page again"));
         }
-        got.copy_to(&mut bytes[at..at + got.length() as usize]);
-        fetched += wanted;
+        got.bytes.copy_to(&mut bytes[at..at + got.bytes.length() as usize]);
+        fetched += wanted.end - wanted.start;
     }
     Ok(fetched)
 }
 
-/// Returns a range of the bytes at an address and true, or all of them and false if the server does not know ranges.
-async fn get(address: &str, range: Range<u64>) -> Result<(Uint8Array, bool)> {
-    received(address, ask(address, range)?).await
+/// What a server answered.
+struct Answer {
+    bytes: Uint8Array,
+    /// What part of the file that is; `None` for the whole, from a server that does not know ranges.
+    part: Option<Content>,
+    /// What the server calls this version of the file; empty if it does not.
+    version: String,
+}
+
+/// A part of a file: its first byte, and the length of the whole file.
+struct Content {
+    first: u64,
+    whole: u64,
+}
+
+impl Content {
+    /// Reads a header such as `bytes 16-23/4096`.
+    fn read(header: &str) -> Option<Content> {
+        let (range, whole) = header.strip_prefix("bytes ")?.split_once('/')?;
+        let (first, _) = range.split_once('-')?;
+        Some(Content { first: first.parse().ok()?, whole: whole.parse().ok()? })
+    }
 }
 
 /// Begins to ask for a range of the bytes at an address.
@@ -105,15 +123,24 @@ fn ask(address: &str, range: Range<u64>) -> Result<Promise> {
     Ok(web_sys::window().expect("a page has a window").fetch_with_request(&request))
 }
 
-/// Returns the bytes of an answer, and whether they are the range.
-async fn received(address: &str, answer: Promise) -> Result<(Uint8Array, bool)> {
+/// Waits for an answer.
+async fn received(address: &str, answer: Promise) -> Result<Answer> {
     let response: Response = JsFuture::from(answer).await.map_err(failed(address))?.unchecked_into();
     if !response.ok() {
         let answer = format!("cannot be fetched: the server says {} {}", response.status(), response.status_text());
         return Err(Error::input(address, answer));
     }
+    let header = |name: &str| response.headers().get(name).ok().flatten();
+    let part = match response.status() {
+        206 => {
+            let part = header("content-range").as_deref().and_then(Content::read);
+            Some(part.ok_or_else(|| Error::input(address, "came without saying which part of the file it is"))?)
+        }
+        _ => None,
+    };
+    let version = header("etag").or_else(|| header("last-modified")).unwrap_or_default();
     let bytes = JsFuture::from(response.array_buffer().map_err(failed(address))?).await.map_err(failed(address))?;
-    Ok((Uint8Array::new(&bytes), response.status() == 206))
+    Ok(Answer { bytes: Uint8Array::new(&bytes), part, version })
 }
 
 fn failed(address: &str) -> impl Fn(JsValue) -> Error {
