@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::Answer;
-use adjsplat::error::Result;
+use adjsplat::error::{Error, Result};
 
 /// Show .adj files in a browser on this machine: serves the viewer's page and prints the link
 #[derive(Debug, Args)]
@@ -24,13 +24,20 @@ pub(super) struct Arguments {
     port: u16,
 }
 
+pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
+    for path in &arguments.input {
+        std::fs::metadata(path).map_err(Error::io("open", path))?;
+    }
+    serve(arguments)
+}
+
 #[cfg(not(feature = "serve"))]
-pub(super) fn run(_: &Arguments) -> Result<Answer> {
-    Err(adjsplat::error::Error::input("adj serve", "was left out of this program; build it with --features serve"))
+fn serve(_: &Arguments) -> Result<Answer> {
+    Err(Error::input("adj serve", "was left out of this program; build it with --features serve"))
 }
 
 #[cfg(feature = "serve")]
-pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
+fn serve(arguments: &Arguments) -> Result<Answer> {
     server::run(arguments)
 }
 
