@@ -2,10 +2,13 @@
 
 use std::ops::RangeInclusive;
 
+use adjsplat::arena::layout::{FileHeader, SectionEntry, header_checksum};
 use adjsplat::arena::{Arena, FirstLane, Part};
 use adjsplat::splat::{Orbit, Settings};
 use adjsplat::traverse::Viewpoint;
 use adjsplat::volume::Axis;
+use zerocopy::{FromBytes as _, IntoBytes as _};
+
 use adjsplat::{Build, Model, TransferFunction, Volume, Voxels};
 
 /// An .adj file of a ball with the lanes x, y and z.
@@ -88,6 +91,42 @@ fn a_file_with_one_lane_stays_as_it_is() {
     let whole = file();
     let one = fetched(&whole, plan(&whole, 1..=1));
     assert!(fetched(&one, plan(&one, 5_000..=9_000)) == one);
+}
+
+#[test]
+fn channels_of_other_lengths_and_an_absent_lane_are_refused_before_anything_is_planned() {
+    let whole = file();
+    let entries = |kept: &dyn Fn(usize) -> bool, cut: Option<usize>| {
+        let (mut header, after) = FileHeader::read_from_prefix(&whole).unwrap();
+        let count = header.section_count.get() as usize;
+        let (table, _) = <[SectionEntry]>::ref_from_prefix_with_elems(after, count).unwrap();
+        let mut table: Vec<SectionEntry> = (0..count).filter(|&index| kept(index)).map(|index| table[index]).collect();
+        let mut end = whole.len() as u64;
+        if let Some(cut) = cut {
+            let entry = &mut table[cut];
+            entry.bytes.set(entry.bytes.get() - u64::from(entry.element_bytes));
+        } else {
+            end = 256 + 32 * table.len() as u64;
+            for entry in &mut table {
+                entry.offset.set(end.next_multiple_of(256));
+                end = entry.offset.get() + entry.bytes.get();
+            }
+            end = end.next_multiple_of(256);
+        }
+        header.section_count.set(u32::try_from(table.len()).unwrap());
+        header.file_bytes.set(end);
+        header.header_xxh3.set(header_checksum(&header, &table));
+        let head = [header.as_bytes(), table.as_bytes()].concat();
+        FirstLane::new(&head, end, 0..=0, "ball.adj").map(|_| ()).unwrap_err().to_string()
+    };
+    // Sections: the description, then tiles, line ends, steps, values and normals of lane x.
+    for (cut, rule) in [(3, "R11"), (4, "R11"), (5, "R11")] {
+        let fault = entries(&|_| true, Some(cut));
+        assert!(fault.starts_with("ball.adj") && fault.contains(rule), "{cut}: {fault}");
+    }
+    for fault in [entries(&|index| index == 0, None), entries(&|index| index != 1, None)] {
+        assert!(fault.starts_with("ball.adj"), "{fault}");
+    }
 }
 
 #[test]

@@ -53,9 +53,13 @@ impl FirstLane {
     pub fn new(head: &[u8], file_bytes: u64, sizes: RangeInclusive<u64>, name: &str) -> Result<FirstLane> {
         let wrong = |fault: FormatFault| Error::Format { path: name.into(), fault };
         let Head { header, table, .. } = Head::new(head, file_bytes).map_err(wrong)?;
-        let is_other_lane = |entry: &SectionEntry| entry.lane_axis().is_some_and(|axis| axis != Axis::X);
-        let old: Vec<SectionEntry> = table.iter().filter(|entry| !is_other_lane(entry)).copied().collect();
+        // Sections of kinds that this version does not know are left out, as nothing reads them.
+        let is_wanted =
+            |entry: &SectionEntry| entry.known_kind().is_some() && entry.lane_axis().is_none_or(|axis| axis == Axis::X);
+        let old: Vec<SectionEntry> = table.iter().filter(|entry| is_wanted(entry)).copied().collect();
         let (bytes, new) = file_of(header, old.clone())?;
+        // The lane is there, and its channels have the same number of records.
+        Arena::new(&bytes).map_err(wrong)?;
 
         let place = |at: u64| usize::try_from(at).expect("it lies within the bytes");
         let is_channel = |entry: &SectionEntry| entry.known_kind().is_some_and(SectionKind::is_channel);

@@ -324,7 +324,6 @@ impl<'a> GpuRenderer<'a> {
     /// # Errors
     /// Returns the errors of [`GpuRenderer::render`]; [`Error::Input`] unless the sampling is [`Sampling::EveryPixel`].
     #[cfg(not(target_arch = "wasm32"))]
-    #[cfg(not(target_arch = "wasm32"))]
     pub fn render_to(&mut self, camera: &Camera, settings: &Settings, target: &RenderTarget) -> Result<GpuStats> {
         pollster::block_on(self.render_to_async(camera, settings, target))
     }
