@@ -253,6 +253,11 @@ def check_server(files, folder):
     assert "the name of two files" in refused(files[0], twin, "--page", PAGE)
     assert "build the page" in refused(files[0], "--page", folder)
     assert "absent.adj" in refused(os.path.join(folder, "absent.adj"), "--page", PAGE)
+    with open("/dev/full", "w") as full:
+        ran = subprocess.run(
+            [PROGRAM, "serve", files[0], "--page", PAGE], stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert ran.returncode == 2 and "cannot write the result" in ran.stderr, ran
     print("adj serve passed")
 
 

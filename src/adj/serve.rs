@@ -10,7 +10,7 @@ use adjsplat::error::{Error, Result};
 /// Show .adj files in a browser on this machine: serves the viewer's page and prints the link
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  adj serve head.adj\nThe page fetches only the parts of a file that it draws. It needs a browser with WebGPU. Other machines\ncannot reach it: on a server of yours, put the page's folder and the files beside each other."
+    after_help = "Example:\n  adj serve head.adj\nThe page fetches only the parts of a file that it draws. It needs a browser with WebGPU.\nOther machines cannot reach it: for them, put the page's folder on a server, and the files into that\nfolder."
 )]
 pub(super) struct Arguments {
     /// .adj files
@@ -59,7 +59,7 @@ mod server {
     use tower_http::services::{ServeDir, ServeFile};
 
     use super::Arguments;
-    use crate::Answer;
+    use crate::{Answer, print_note, print_result};
     use adjsplat::Model;
     use adjsplat::error::{Error, Result};
 
@@ -74,9 +74,9 @@ mod server {
             let listener = tokio::net::TcpListener::bind(address).await.map_err(cannot)?;
             let address = listener.local_addr().map_err(cannot)?;
             for name in files.keys() {
-                println!("http://{address}/?file=files/{}", encoded(&encoded(name)));
+                print_result(&format!("http://{address}/?file=files/{}", encoded(&encoded(name))));
             }
-            eprintln!("Ctrl-C ends.");
+            print_note("Ctrl-C ends");
             axum::serve(listener, router(&page, files.clone())).await.map_err(cannot)
         };
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build();
