@@ -7,13 +7,13 @@ use adjsplat::traverse::VoxelBox;
 use adjsplat::{Model, TransferFunction};
 use egui::Context;
 
-use crate::draw::{Painter, Renderer};
+use crate::draw::{Canvas, Painter, Renderer};
 use crate::editor::ui::EditorState;
 use crate::editor::{Edited, History, StoredValues};
 use crate::look::{Eye, Look};
 use crate::navigate::Motion;
 use crate::open::{Opened, Place, Wish};
-use crate::pick::{Picked, pick};
+use crate::pick::{Picked, Ray};
 
 /// An open file.
 pub struct Document {
@@ -23,12 +23,10 @@ pub struct Document {
     pub place: Place,
     /// Whether that is an .adj file.
     pub is_adj: bool,
-    /// Of a file on a server: the bytes that were fetched, and those of the whole file.
-    pub fetched: Option<[u64; 2]>,
+    /// Of a file on a server: the bytes that were fetched when it was opened, and those of the whole file.
+    fetched: Option<[u64; 2]>,
     /// The box of the file's visible voxels.
     pub(crate) extent: Option<VoxelBox>,
-    /// The number of the opening that this came from.
-    pub(crate) number: u64,
     /// The model with the transfer function that is drawn.
     pub model: Model,
     /// How often each value is stored.
@@ -65,14 +63,8 @@ impl Document {
     ///
     /// # Errors
     /// The errors of [`Look::first`].
-    pub fn new(
-        context: &Context,
-        number: u64,
-        opened: Opened,
-        background: [u8; 3],
-        renderer: Renderer,
-    ) -> Result<Document> {
-        let Opened { place, is_adj, model, stored, fetched, extent, .. } = opened;
+    pub fn new(context: &Context, opened: Opened, background: [u8; 3], renderer: Renderer) -> Result<Document> {
+        let Opened { place, is_adj, model, stored, fetched, extent, remote } = opened;
         let look = Look::first(&model, extent, background, [800, 800])?;
         let edited = Edited::of(model.transfer(), &stored);
         Ok(Document {
@@ -81,7 +73,6 @@ impl Document {
             is_adj,
             fetched,
             extent,
-            number,
             model,
             stored,
             look,
@@ -89,7 +80,7 @@ impl Document {
             before_change: None,
             editor: EditorState::default(),
             missing: Vec::new(),
-            painter: Painter::new(context, renderer),
+            painter: Painter::new(context, renderer, Canvas::new(remote)),
             motion: Motion::default(),
             needs_fit: true,
             held_face: None,
@@ -100,19 +91,33 @@ impl Document {
         })
     }
 
-    /// Goes on with more of the same file; what the user changed stays.
-    pub(crate) fn grow(&mut self, opened: Opened, renderer: Renderer) {
-        let Opened { model, stored, fetched, .. } = opened;
-        let is_changed = self.edits.can_undo() || self.edits.can_redo() || self.before_change.is_some();
-        (self.model, self.stored, self.fetched) = (model, stored, fetched);
-        self.painter.renew(renderer);
-        self.picked = None;
-        if is_changed {
-            self.apply();
-        } else {
-            self.edits = History::new(Edited::of(self.model.transfer(), &self.stored));
-            self.version += 1;
+    /// Goes on with what has arrived of a file elsewhere; what the user changed stays. Returns why no more arrives.
+    pub(crate) fn take_news(&mut self) -> Option<String> {
+        let remote = self.painter.canvas().remote()?.clone();
+        if remote.has_news() {
+            let arrived = remote.model().and_then(|model| {
+                let stored = StoredValues::of(&model)?;
+                Ok((model.with_transfer(self.model.transfer().clone())?, stored))
+            });
+            match arrived {
+                Ok((model, stored)) => {
+                    let is_changed = self.edits.can_undo() || self.edits.can_redo() || self.before_change.is_some();
+                    if stored != self.stored && !is_changed {
+                        self.edits = History::new(Edited::of(model.transfer(), &stored));
+                    }
+                    (self.model, self.stored) = (model, stored);
+                    self.version += 1;
+                }
+                Err(fault) => return Some(fault.to_string()),
+            }
         }
+        remote.fault()
+    }
+
+    /// Returns, of a file on a server, the bytes that have been fetched, and those of the whole file.
+    pub fn fetched(&self) -> Option<[u64; 2]> {
+        let [fetched, whole] = self.fetched?;
+        Some([self.painter.canvas().remote().map_or(fetched, |remote| remote.fetched()), whole])
     }
 
     /// Returns the number of changes of the model.
@@ -163,9 +168,18 @@ impl Document {
     pub fn begin_pick(&mut self, context: &Context, origin: glam::DVec3, direction: glam::DVec3) {
         let (sender, receiver) = channel();
         let (model, look, context) = (self.model.clone(), self.look.clone(), context.clone());
+        let canvas = self.painter.canvas().clone();
         crate::background::run(async move || {
+            let ray = Ray::new(&model, &look, origin, direction);
+            let found = match canvas.remote() {
+                None => ray.pick(None),
+                Some(_) => match canvas.tiles_back(&model, |bounds| ray.meets(bounds)).await {
+                    Ok(tiles) => ray.pick(Some(&tiles.view())),
+                    Err(fault) => Err(fault),
+                },
+            };
             // Nobody receives if the document was closed.
-            let _ = sender.send(pick(&model, &look, origin, direction));
+            let _ = sender.send(found);
             context.request_repaint();
         });
         self.picking = Some(receiver);

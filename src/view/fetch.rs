@@ -1,99 +1,137 @@
 //! Files on a server, in a page: only the parts that a picture needs, by HTTP range requests.
 //!
-//! In: an address. Out: a model with the first lane of the file, from which other lanes are derived when a view needs
-//! them; of a server that does not know ranges, the whole file.
+//! In: an address. Out: a file whose directory alone is in memory, and which reads more when it is asked to. A file that the
+//! device could not hold, or that stores fewer than three lanes, has its first lane in memory, from which the other lanes are
+//! derived; of a server that does not know ranges, all of the file is.
 
-use std::ops::{Range, RangeInclusive};
+use std::ops::Range;
+use std::sync::Arc;
 
 use adjsplat::Model;
-use adjsplat::arena::{Arena, FirstLane, Part};
+use adjsplat::arena::{CodeCounts, Directory};
 use adjsplat::error::{Error, Result};
-use adjsplat::traverse::VoxelBox;
+use adjsplat::limits::Limits;
+use adjsplat::splat::Lanes as _;
+use adjsplat::splat::gpu::GpuOptions;
 use adjsplat::volume::Axis;
 use egui::Context;
 use js_sys::{Promise, Uint8Array};
 use wasm_bindgen::{JsCast as _, JsValue};
 use wasm_bindgen_futures::JsFuture;
-use web_sys::{Request, RequestInit, Response};
-use web_time::Instant;
+use web_sys::{AbortSignal, Request, RequestInit, Response};
 
-use crate::open::{Phase, Progress, model_of};
+use crate::open::{Opened, Phase, Place, Progress, model_of};
+use crate::remote::{PARTS, Reading, Remote, Source};
 
-/// Bytes of the first part of the voxels and of the largest one; progress is shown after each.
-const PARTS: RangeInclusive<u64> = 256 << 10..=4 << 20;
-/// A picture of what has arrived is shown after so many seconds, and again when this time has doubled.
-const PATIENCE: f64 = 0.7;
+/// How long a server may take for a part, in milliseconds.
+const PATIENCE: u32 = 60_000;
 
-/// Returns a model of the file at an address; the number of bytes that were fetched, and those of the whole file.
-///
-/// While that takes long, `arrived` gets a model of what has arrived, the box of all visible voxels, and the bytes.
-pub(crate) async fn model(
-    address: &str,
-    progress: &Progress,
-    context: &Context,
-    arrived: impl Fn(Model, Option<VoxelBox>, [u64; 2]),
-) -> Result<(Model, [u64; 2])> {
+/// Opens the file at an address.
+pub(crate) async fn open(place: &Place, address: &str, progress: &Progress, context: &Context) -> Result<Opened> {
+    let name = place.name();
+    let name = if name.is_empty() { address } else { &name };
     progress.set(Phase::Fetching, 0, 1)?;
-    let head = received(address, ask(address, 0..FirstLane::HEAD)?).await?;
-    let mut fetched = u64::from(head.bytes.length());
-    let Some(part) = &head.part else {
-        return Ok((model_of(address, head.bytes.to_vec())?, [fetched, fetched]));
+    let answer = received(name, ask(address, 0..Directory::HEAD)?).await?;
+    let head = answer.bytes;
+    let mut fetched = head.len() as u64;
+    let Some(part) = &answer.part else {
+        return Opened::new(place, model_of(name, head)?, true, Some([fetched; 2]));
     };
-    let length = part.whole;
-    let FirstLane { mut bytes, parts } = FirstLane::new(&head.bytes.to_vec(), length, PARTS, address)?;
-    let total: u64 = parts.iter().map(Part::bytes).sum();
-    let (start, mut patience) = (Instant::now(), PATIENCE);
-    let mut done = 0;
-    for part in parts {
-        fetched += fetch(address, &part, &head, &mut bytes).await?;
-        done += part.bytes();
-        context.request_repaint();
-        progress.set(Phase::Fetching, done, total)?;
-        if done < total
-            && start.elapsed().as_secs_f64() > patience
-            && let Some(file) = FirstLane::arrived(&bytes, part.records, address)?
-        {
-            // All tiles have arrived.
-            let bounds = Arena::new(&bytes).ok().and_then(|arena| arena.lane(Axis::X)).and_then(|lane| lane.bounds());
-            let extent = bounds.map(|(low, high)| VoxelBox { low, high });
-            arrived(model_of(address, file)?, extent, [fetched, length]);
-            patience = 2.0 * start.elapsed().as_secs_f64();
-        }
+    let whole = part.whole;
+    let server = Server { address: address.to_owned(), name: name.to_owned(), whole, version: answer.version };
+    let limits = Limits::default();
+    let mut directory = Directory::new(&head, whole, &limits, name)?;
+    fetched += complete(&mut directory, &head, &server, progress, context).await?;
+    directory.check(name)?;
+    let directory = Arc::new(directory);
+    let model = Model::from_directory(directory.clone(), CodeCounts::default(), name)?;
+    let options = GpuOptions::default();
+    let is_held = |axis: Axis| model.lane(axis).is_ok_and(|lane| options.holds(&lane));
+    if Axis::ALL.into_iter().all(|axis| directory.has_lane(axis) && is_held(axis)) {
+        let remote = Remote::new(name, directory, server, fetched, context);
+        return Ok(Opened {
+            remote: Some(Arc::new(remote)),
+            ..Opened::new(place, model, true, Some([fetched, whole]))?
+        });
     }
-    Ok((model_of(address, bytes)?, [fetched, length]))
+    let mut lane = Directory::first_lane(&head, whole, &limits, name)?;
+    fetched += complete(&mut lane, &head, &server, progress, context).await?;
+    lane.check(name)?;
+    Opened::new(place, model_of(name, lane.into_bytes())?, true, Some([fetched, whole]))
 }
 
-/// Copies a part of the file at an address to where it belongs; returns the number of bytes that were fetched.
-async fn fetch(address: &str, part: &Part, head: &Answer, bytes: &mut [u8]) -> Result<u64> {
-    let mut answers = Vec::new();
-    for (range, at) in &part.ranges {
-        // Some of it came with the head.
-        let in_head = |place: u64| u32::try_from(place).unwrap_or(u32::MAX).min(head.bytes.length());
-        let known = head.bytes.subarray(in_head(range.start), in_head(range.end));
-        known.copy_to(&mut bytes[*at..at + known.length() as usize]);
-        let rest = range.start + u64::from(known.length())..range.end;
-        if !rest.is_empty() {
-            answers.push((rest.clone(), at + known.length() as usize, ask(address, rest)?));
-        }
-    }
+/// Fetches what a directory lacks beside `head`, the first bytes of the file; returns the number of bytes.
+async fn complete(
+    directory: &mut Directory,
+    head: &[u8],
+    server: &Server,
+    progress: &Progress,
+    context: &Context,
+) -> Result<u64> {
     let mut fetched = 0;
-    for (wanted, at, answer) in answers {
-        let got = received(address, answer).await?;
-        let is_same = got.part.as_ref().is_some_and(|part| {
-            part.first == wanted.start && head.part.as_ref().is_some_and(|head| head.whole == part.whole)
-        });
-        if !is_same || got.version != head.version || u64::from(got.bytes.length()) != wanted.end - wanted.start {
-            return Err(Error::input(address, "was cut or changed while it was fetched; load the page again"));
+    while let Some(range) = directory.wanted(*PARTS.end()) {
+        let in_head = |place: u64| usize::try_from(place).unwrap_or(usize::MAX).min(head.len());
+        let known = &head[in_head(range.start)..in_head(range.end)];
+        if !known.is_empty() {
+            directory.append(known)?;
+            continue;
         }
-        got.bytes.copy_to(&mut bytes[at..at + got.bytes.length() as usize]);
-        fetched += wanted.end - wanted.start;
+        fetched += range.end - range.start;
+        let read = server.read(vec![range]).await?;
+        directory.append(&read[0])?;
+        let [done, total] = directory.progress();
+        context.request_repaint();
+        progress.set(Phase::Fetching, done, total)?;
     }
     Ok(fetched)
 }
 
+/// A file on a server that knows ranges.
+struct Server {
+    address: String,
+    /// The name that messages call the file by.
+    name: String,
+    /// The length of the file.
+    whole: u64,
+    /// What the server calls the version of the file; empty if it does not.
+    version: String,
+}
+
+impl Source for Server {
+    fn read(&self, ranges: Vec<Range<u64>>) -> Reading<'_> {
+        Box::pin(async move {
+            // All are asked for before the first is waited for.
+            let ask = |range: Range<u64>| match range.is_empty() {
+                true => Ok((range, None)),
+                false => ask(&self.address, range.clone()).map(|answer| (range, Some(answer))),
+            };
+            let asked = ranges.into_iter().map(ask).collect::<Result<Vec<_>>>()?;
+            let mut parts = Vec::with_capacity(asked.len());
+            for (range, answer) in asked {
+                parts.push(match answer {
+                    Some(answer) => self.part(range, received(&self.name, answer).await?)?,
+                    None => Vec::new(),
+                });
+            }
+            Ok(parts)
+        })
+    }
+}
+
+impl Server {
+    /// Returns the bytes of an answer, if they are those of the range and of the same file.
+    fn part(&self, wanted: Range<u64>, got: Answer) -> Result<Vec<u8>> {
+        let is_same = got.part.is_some_and(|part| part.first == wanted.start && part.whole == self.whole);
+        if !is_same || got.version != self.version || got.bytes.len() as u64 != wanted.end - wanted.start {
+            return Err(Error::input(&self.name, "was cut or changed while it was fetched; load the page again"));
+        }
+        Ok(got.bytes)
+    }
+}
+
 /// What a server answered.
 struct Answer {
-    bytes: Uint8Array,
+    bytes: Vec<u8>,
     /// What part of the file that is; `None` for the whole, from a server that does not know ranges.
     part: Option<Content>,
     /// What the server calls this version of the file; empty if it does not.
@@ -117,35 +155,45 @@ impl Content {
 
 /// Begins to ask for a range of the bytes at an address.
 fn ask(address: &str, range: Range<u64>) -> Result<Promise> {
-    let request = Request::new_with_str_and_init(address, &RequestInit::new()).map_err(failed(address))?;
+    let how = RequestInit::new();
+    how.set_signal(Some(&AbortSignal::timeout_with_u32(PATIENCE)));
+    let request = Request::new_with_str_and_init(address, &how).map_err(failed(address))?;
     let wanted = format!("bytes={}-{}", range.start, range.end - 1);
     request.headers().set("Range", &wanted).map_err(failed(address))?;
     Ok(web_sys::window().expect("a page has a window").fetch_with_request(&request))
 }
 
-/// Waits for an answer.
-async fn received(address: &str, answer: Promise) -> Result<Answer> {
-    let response: Response = JsFuture::from(answer).await.map_err(failed(address))?.unchecked_into();
+/// Waits for an answer about the file of this name.
+async fn received(name: &str, answer: Promise) -> Result<Answer> {
+    let response: Response = JsFuture::from(answer).await.map_err(failed(name))?.unchecked_into();
     if !response.ok() {
         let answer = format!("cannot be fetched: the server says {} {}", response.status(), response.status_text());
-        return Err(Error::input(address, answer));
+        return Err(Error::input(name, answer));
     }
-    let header = |name: &str| response.headers().get(name).ok().flatten();
+    let header = |header: &str| response.headers().get(header).ok().flatten();
     let part = match response.status() {
         206 => {
             let part = header("content-range").as_deref().and_then(Content::read);
-            Some(part.ok_or_else(|| Error::input(address, "came without saying which part of the file it is"))?)
+            Some(part.ok_or_else(|| Error::input(name, "came without saying which part of the file it is"))?)
         }
         _ => None,
     };
     let version = header("etag").or_else(|| header("last-modified")).unwrap_or_default();
-    let bytes = JsFuture::from(response.array_buffer().map_err(failed(address))?).await.map_err(failed(address))?;
-    Ok(Answer { bytes: Uint8Array::new(&bytes), part, version })
+    let bytes = JsFuture::from(response.array_buffer().map_err(failed(name))?).await.map_err(failed(name))?;
+    Ok(Answer { bytes: Uint8Array::new(&bytes).to_vec(), part, version })
 }
 
-fn failed(address: &str) -> impl Fn(JsValue) -> Error {
+fn failed(name: &str) -> impl Fn(JsValue) -> Error {
     move |fault| {
-        let text = fault.dyn_ref::<js_sys::Error>().map(|fault| String::from(fault.message())).unwrap_or_default();
-        Error::input(address, format!("cannot be fetched: {text}; a page reads from its own server only"))
+        let fault = fault.dyn_ref::<js_sys::Error>();
+        if fault.is_some_and(|fault| fault.name() == "TimeoutError") {
+            let why = format!(
+                "cannot be fetched: the server sent no part within {} s; load the page again",
+                PATIENCE / 1_000
+            );
+            return Error::input(name, why);
+        }
+        let text = fault.map(|fault| String::from(fault.message())).unwrap_or_default();
+        Error::input(name, format!("cannot be fetched: {text}; a page reads from its own server only"))
     }
 }

@@ -28,6 +28,7 @@ pub mod page;
 pub mod panel;
 pub mod pick;
 pub mod recent;
+pub mod remote;
 pub mod save;
 pub mod theme;
 

@@ -14,6 +14,7 @@ use egui::{Context, DroppedFileHandle};
 
 use crate::background;
 use crate::editor::StoredValues;
+use crate::remote::Remote;
 
 /// Where a file is.
 #[derive(Debug, Clone)]
@@ -70,22 +71,20 @@ pub struct Opened {
     pub(crate) fetched: Option<[u64; 2]>,
     /// The box of the visible voxels.
     pub(crate) extent: Option<VoxelBox>,
-    /// Whether more of the file arrives.
-    pub(crate) is_part: bool,
+    /// The file, if its voxels are not in memory.
+    pub(crate) remote: Option<Arc<Remote>>,
 }
 
 impl Opened {
-    fn new(place: &Place, model: Model, is_adj: bool, fetched: Option<[u64; 2]>) -> Result<Opened> {
+    pub(crate) fn new(place: &Place, model: Model, is_adj: bool, fetched: Option<[u64; 2]>) -> Result<Opened> {
         let stored = StoredValues::of(&model)?;
         let extent = model.bounds()?;
-        Ok(Opened { place: place.clone(), is_adj, model, stored, fetched, extent, is_part: false })
+        Ok(Opened { place: place.clone(), is_adj, model, stored, fetched, extent, remote: None })
     }
 }
 
 /// A file that is being opened.
 pub struct Opening {
-    /// Its number among all files that were opened.
-    pub number: u64,
     /// The file.
     pub place: Place,
     /// How it is to be shown.
@@ -135,19 +134,16 @@ const PHASES: [&str; 6] = ["Opening", "Looking at the values", "Reading", "Build
 
 impl Opening {
     /// Begins to open a file that is to be shown as `wish` says.
-    pub fn begin(number: u64, place: Place, wish: Wish, context: &Context) -> Opening {
+    pub fn begin(place: Place, wish: Wish, context: &Context) -> Opening {
         let (sender, result) = channel();
         let progress = Arc::new(Progress::default());
         let (own_place, own_progress, context) = (place.clone(), progress.clone(), context.clone());
         background::run(async move || {
-            let tell = |opened| {
-                // Nobody receives if the window was closed.
-                let _ = sender.send(opened);
-                context.request_repaint();
-            };
-            tell(open(&own_place, &own_progress, &context, &tell).await);
+            // Nobody receives if the window was closed.
+            let _ = sender.send(open(&own_place, &own_progress, &context).await);
+            context.request_repaint();
         });
-        Opening { number, place, wish, progress, result }
+        Opening { place, wish, progress, result }
     }
 
     /// Returns what is done now, and the share of it that is over.
@@ -162,16 +158,17 @@ impl Opening {
         self.progress.is_cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// Returns the result once it is there; before it, what has arrived of a file on a server.
+    /// Returns the result once it is there; that it was cancelled, at once.
     pub fn result(&self) -> Option<Result<Opened>> {
-        let result = self.result.try_recv().ok()?;
-        Some(if self.progress.is_cancelled.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { result })
+        if self.progress.is_cancelled.load(Ordering::Relaxed) {
+            return Some(Err(Error::Interrupted));
+        }
+        self.result.try_recv().ok()
     }
 }
 
-/// Opens a file; calls `tell` with what has arrived of it so far.
-#[cfg_attr(not(target_arch = "wasm32"), expect(unused_variables, reason = "pages fetch"))]
-async fn open(place: &Place, progress: &Progress, context: &Context, tell: &impl Fn(Result<Opened>)) -> Result<Opened> {
+/// Opens a file.
+async fn open(place: &Place, progress: &Progress, context: &Context) -> Result<Opened> {
     progress.set(Phase::Opening, 0, 1)?;
     let (model, is_adj) = match place {
         #[cfg(not(target_arch = "wasm32"))]
@@ -179,14 +176,7 @@ async fn open(place: &Place, progress: &Progress, context: &Context, tell: &impl
         #[cfg(target_arch = "wasm32")]
         Place::Path(path) => return Err(Error::input(path.display().to_string(), "is no address on a server")),
         #[cfg(target_arch = "wasm32")]
-        Place::Address(address) => {
-            let arrived = |model, extent, fetched| {
-                let opened = Opened::new(place, model, true, Some(fetched));
-                tell(opened.map(|opened| Opened { extent, is_part: true, ..opened }));
-            };
-            let (model, fetched) = crate::fetch::model(address, progress, context, arrived).await?;
-            return Opened::new(place, model, true, Some(fetched));
-        }
+        Place::Address(address) => return crate::fetch::open(place, address, progress, context).await,
         #[cfg(not(target_arch = "wasm32"))]
         Place::Address(address) => return Err(Error::input(address, "is opened by the page, not by the desktop")),
         Place::Bytes(name, bytes) => (model_of(name, bytes.to_vec())?, true),

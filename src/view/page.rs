@@ -16,10 +16,11 @@ use wasm_bindgen::closure::Closure;
 use wasm_bindgen::prelude::wasm_bindgen;
 use wasm_bindgen::{JsCast as _, JsValue};
 use wasm_bindgen_futures::JsFuture;
-use web_sys::{Blob, Document, HtmlAnchorElement, HtmlCanvasElement, HtmlInputElement, Url, UrlSearchParams};
+use web_sys::{Blob, HtmlAnchorElement, HtmlCanvasElement, HtmlInputElement, Url, UrlSearchParams};
 
 use crate::Window;
 use crate::app::Viewer;
+use crate::document::Document;
 use crate::draw::Renderer;
 use crate::open::{Place, Wish};
 use crate::recent::RecentFiles;
@@ -53,7 +54,7 @@ pub(crate) fn publish(viewer: &Viewer) {
     let shown = document.and_then(|document| document.painter.shown());
     let state = json!({
         "file": document.map(|document| &document.title),
-        "fetched": document.and_then(|document| document.fetched),
+        "fetched": document.and_then(Document::fetched),
         "view": document.map(|document| document.look.eye.to_text()),
         "camera": document.and_then(|document| document.look.eye.camera().ok()),
         "background": document.map(|document| document.look.background),
@@ -63,12 +64,20 @@ pub(crate) fn publish(viewer: &Viewer) {
         "finished": document.is_some_and(|document| document.painter.is_finished()),
         "fault": document.and_then(|document| document.painter.fault()),
         "message": viewer.message(),
+        "picked": document.and_then(|document| document.picked).map(|picked| picked.index),
+        "memory": memory(),
     });
     let picture = document.and_then(|document| document.painter.image());
     SHOWN.set((state.to_string(), picture));
 }
 
-/// Returns what is shown, as JSON: file, view, background, quality and size of the picture, messages.
+/// Returns the bytes of the program's memory, which never shrinks.
+pub(crate) fn memory() -> u64 {
+    core::arch::wasm32::memory_size(0) as u64 * 65_536
+}
+
+/// Returns what is shown, as JSON: file, view, background, quality and size of the picture, messages, the picked voxel, and
+/// the bytes of the program's memory.
 #[wasm_bindgen]
 pub fn state() -> String {
     SHOWN.with_borrow(|shown| shown.0.clone())
@@ -107,7 +116,7 @@ extern "C" {
     fn stopped(why: &str);
 }
 
-fn document() -> Document {
+fn document() -> web_sys::Document {
     web_sys::window().and_then(|window| window.document()).expect("a page has a document")
 }
 

@@ -182,11 +182,12 @@ fn numbers(ui: &mut Ui, document: &Document) {
     rows.push(("spacing", format!("{} {unit}", join(grid.spacing.map(number))).trim_end().to_owned()));
     rows.push(("visible voxels", document.model.visible_voxels().to_string()));
     if let Ok(arena) = document.model.arena() {
-        rows.push(("file", megabytes(arena.bytes().len() as u64)));
+        let bytes = document.fetched().map_or(arena.bytes().len() as u64, |[_, whole]| whole);
+        rows.push(("file", megabytes(bytes)));
         let lanes: Vec<&str> = arena.lanes().map(|lane| lane.axis.name()).collect();
         rows.push(("stored lanes", lanes.join(", ")));
     }
-    if let Some([fetched, whole]) = document.fetched {
+    if let Some([fetched, whole]) = document.fetched() {
         rows.push(("fetched", format!("{} of {}", megabytes(fetched), megabytes(whole))));
     }
     if let Some(resident) = resident_bytes() {
@@ -232,7 +233,14 @@ fn megabytes(bytes: u64) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }
 
+/// Returns the bytes of the program's memory.
+#[cfg(target_arch = "wasm32")]
+fn resident_bytes() -> Option<u64> {
+    Some(crate::page::memory())
+}
+
 /// Returns the bytes of this process that are in memory, where the system tells.
+#[cfg(not(target_arch = "wasm32"))]
 fn resident_bytes() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;

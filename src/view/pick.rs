@@ -1,9 +1,10 @@
 //! Picking: the front-most voxel that a place of the picture shows.
 
-use adjsplat::Model;
+use adjsplat::arena::Lane;
 use adjsplat::error::Result;
 use adjsplat::splat::WorldFrame;
-use adjsplat::traverse::Viewpoint;
+use adjsplat::traverse::{Viewpoint, VoxelBox};
+use adjsplat::{Model, Voxels};
 use glam::DVec3;
 
 use crate::look::{Eye, Look};
@@ -24,52 +25,94 @@ pub struct Picked {
     pub value: f64,
 }
 
-/// Returns the voxel that is seen on a ray from `origin` along `direction`, in the world; `None` if there is none.
-///
-/// It is the first that makes the ray half opaque, or else the most opaque one. Takes as long as a walk over all voxels.
-///
-/// # Errors
-/// The errors of [`Model::walk`].
-pub fn pick(model: &Model, look: &Look, origin: DVec3, direction: DVec3) -> Result<Option<Picked>> {
-    let frame = WorldFrame::of(model.grid());
-    let start = DVec3::from_array(frame.voxel_from_world_vector(origin - frame.origin));
-    let along = DVec3::from_array(frame.voxel_from_world_vector(direction));
-    let along = along.normalize();
-    let viewpoint = viewpoint(&look.eye, start, along)?;
-    let clip = look.clip.map(|clip| clip.plane(model.grid()));
-    let (mut light, mut best, mut found) = (1.0, 0.0, None);
-    let transfer = model.transfer();
-    model.walk(&viewpoint, |voxels| {
-        if light <= 1.0 - SEEN {
-            return;
-        }
-        for at in 0..voxels.len() {
-            let index = voxels.position(at);
-            let from = DVec3::from_array(index.map(f64::from)) - start;
-            let ahead = from.dot(along);
-            if look.eye.fov.is_some() && ahead < 0.0 || (from - along * ahead).length_squared() > RADIUS * RADIUS {
+/// A ray through a model that is looked at.
+pub struct Ray<'a> {
+    model: &'a Model,
+    look: &'a Look,
+    /// Where the ray starts, in voxels.
+    start: DVec3,
+    /// Its direction in voxels, of length 1.
+    along: DVec3,
+}
+
+impl<'a> Ray<'a> {
+    /// Returns the ray from `origin` along `direction`, in the world.
+    pub fn new(model: &'a Model, look: &'a Look, origin: DVec3, direction: DVec3) -> Ray<'a> {
+        let frame = WorldFrame::of(model.grid());
+        let start = DVec3::from_array(frame.voxel_from_world_vector(origin - frame.origin));
+        let along = DVec3::from_array(frame.voxel_from_world_vector(direction)).normalize();
+        Ray { model, look, start, along }
+    }
+
+    /// Returns whether the ray may hit voxels of a box.
+    pub fn meets(&self, bounds: &VoxelBox) -> bool {
+        let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
+        for axis in 0..3 {
+            let (start, step) = (self.start[axis], self.along[axis]);
+            let sides = [f64::from(bounds.low[axis]) - RADIUS, f64::from(bounds.high[axis]) + RADIUS];
+            if step == 0.0 {
+                if start < sides[0] || start > sides[1] {
+                    return false;
+                }
                 continue;
             }
-            let world = frame.world_from_voxel(index.map(f64::from));
-            let is_cropped =
-                look.crop.is_some_and(|crop| (0..3).any(|a| index[a] < crop.low[a] || index[a] > crop.high[a]));
-            let is_clipped = clip.is_some_and(|plane| {
-                (world - DVec3::from_array(plane.point)).dot(DVec3::from_array(plane.normal)) < 0.0
-            });
-            let value = voxels.value(at);
-            // Gradients are not known here: as steep as can be.
-            let opacity = transfer.opacity(value, f64::MAX);
-            if is_cropped || is_clipped || opacity <= 0.0 || light <= 1.0 - SEEN {
-                continue;
-            }
-            light *= 1.0 - opacity;
-            if opacity > best || light <= 1.0 - SEEN {
-                best = opacity;
-                found = Some(Picked { index, world, value });
-            }
+            let [a, b] = sides.map(|side| (side - start) / step);
+            (from, to) = (from.max(a.min(b)), to.min(a.max(b)));
         }
-    })?;
-    Ok(found)
+        from <= to
+    }
+
+    /// Returns the voxel that is seen on the ray; `None` if there is none.
+    ///
+    /// It is the first that makes the ray half opaque, or else the most opaque one. Takes as long as a walk over all voxels:
+    /// of `lane`, which must have those on the ray, or else of the model.
+    ///
+    /// # Errors
+    /// The errors of [`Model::walk`].
+    pub fn pick(&self, lane: Option<&Lane>) -> Result<Option<Picked>> {
+        let Ray { model, look, start, along } = *self;
+        let frame = WorldFrame::of(model.grid());
+        let viewpoint = viewpoint(&look.eye, start, along)?;
+        let clip = look.clip.map(|clip| clip.plane(model.grid()));
+        let (mut light, mut best, mut found) = (1.0, 0.0, None);
+        let transfer = model.transfer();
+        let visit = |voxels: &Voxels| {
+            if light <= 1.0 - SEEN {
+                return;
+            }
+            for at in 0..voxels.len() {
+                let index = voxels.position(at);
+                let from = DVec3::from_array(index.map(f64::from)) - start;
+                let ahead = from.dot(along);
+                let is_behind = look.eye.fov.is_some() && ahead < 0.0;
+                if is_behind || (from - along * ahead).length_squared() > RADIUS * RADIUS {
+                    continue;
+                }
+                let world = frame.world_from_voxel(index.map(f64::from));
+                let is_cropped =
+                    look.crop.is_some_and(|crop| (0..3).any(|a| index[a] < crop.low[a] || index[a] > crop.high[a]));
+                let is_clipped = clip.is_some_and(|plane| {
+                    (world - DVec3::from_array(plane.point)).dot(DVec3::from_array(plane.normal)) < 0.0
+                });
+                let value = voxels.value(at);
+                // Gradients are not known here: as steep as can be.
+                let opacity = transfer.opacity(value, f64::MAX);
+                if is_cropped || is_clipped || opacity <= 0.0 || light <= 1.0 - SEEN {
+                    continue;
+                }
+                light *= 1.0 - opacity;
+                if opacity > best || light <= 1.0 - SEEN {
+                    best = opacity;
+                    found = Some(Picked { index, world, value });
+                }
+            }
+        };
+        match lane {
+            Some(lane) => model.walk_lane(lane, &viewpoint, visit)?,
+            None => model.walk(&viewpoint, visit)?,
+        }
+        Ok(found)
+    }
 }
 
 fn viewpoint(eye: &Eye, start: DVec3, along: DVec3) -> Result<Viewpoint> {
@@ -103,10 +146,10 @@ mod tests {
                     None => (target - eye.axes()[2] * 100.0, eye.axes()[2]),
                     Some(_) => (eye.position(), (target - eye.position()).normalize()),
                 };
-                let picked = pick(&model, &look, origin, direction).unwrap().unwrap();
+                let picked = Ray::new(&model, &look, origin, direction).pick(None).unwrap().unwrap();
                 assert_eq!((picked.index, picked.value), want, "{side:?} {fov:?}");
                 let beside = origin + eye.axes()[0] * 4.0;
-                assert_eq!(pick(&model, &look, beside, direction).unwrap(), None);
+                assert_eq!(Ray::new(&model, &look, beside, direction).pick(None).unwrap(), None);
             }
         }
     }

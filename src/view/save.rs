@@ -13,7 +13,7 @@ use adjsplat::{Model, TransferFunction};
 use adjsplat_pictures::{Picture, PictureKind, SampleDepth, write_png};
 use egui::Context;
 
-use crate::draw::{Canvas, Renderer};
+use crate::draw::Canvas;
 use crate::look::Look;
 
 /// How a picture is saved.
@@ -43,18 +43,19 @@ pub struct Saving {
 }
 
 impl Saving {
-    /// Begins to draw and write a picture, whose ending is .png, .apng or .exr.
+    /// Begins to draw and write a picture, whose ending is .png, .apng or .exr: by the processor, or the device of `canvas`.
     pub fn begin(
         path: &Path,
         model: &Model,
         look: &Look,
         form: PictureForm,
-        renderer: Renderer,
+        canvas: Option<&Canvas>,
         context: &Context,
     ) -> Saving {
         let (sender, result) = channel();
         let (done, is_cancelled) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(false)));
         let own = (path.to_owned(), model.clone(), look.clone(), context.clone(), done.clone(), is_cancelled.clone());
+        let canvas = canvas.cloned();
         crate::background::run(async move || {
             let (path, model, look, context, done, is_cancelled) = own;
             let step = |frames| {
@@ -63,7 +64,7 @@ impl Saving {
                 if is_cancelled.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
             };
             // Nobody receives if the window was closed.
-            let _ = sender.send(save(&path, &model, &look, form, renderer, step).await);
+            let _ = sender.send(save(&path, &model, &look, form, canvas.as_ref(), step).await);
             context.request_repaint();
         });
         Saving { path: path.to_owned(), frames: form.frames, done, is_cancelled, result }
@@ -85,7 +86,8 @@ impl Saving {
     }
 }
 
-/// Draws a picture, or a full turn, and writes it, as a whole or not at all. `step` is called after each picture.
+/// Draws a picture, or a full turn, and writes it, as a whole or not at all. `step` is called after each picture. The
+/// processor draws, or the device of `canvas`.
 ///
 /// A turn goes into one .apng file, or into numbered files beside `path`: picture-000.png and so on.
 ///
@@ -96,21 +98,20 @@ pub async fn save(
     model: &Model,
     look: &Look,
     form: PictureForm,
-    renderer: Renderer,
+    canvas: Option<&Canvas>,
     step: impl Fn(usize) -> Result<()>,
 ) -> Result<()> {
     let kind = PictureKind::of(path)?;
     let depth = if form.is_deep { SampleDepth::Sixteen } else { SampleDepth::Eight };
     let settings = look.settings(model.grid(), form.size, form.quality)?;
-    let mut canvas = Canvas::default();
     let mut pictures = Vec::new();
     for index in 0..form.frames {
         let mut eye = look.eye;
         eye.orbit([360.0 * f64::from(index) / f64::from(form.frames), 0.0]);
         let camera = eye.camera()?;
-        let mut frame: Frame = match renderer {
-            Renderer::Processor => model.render(&camera, &settings)?,
-            Renderer::Device => canvas.frame(model, &camera, &settings).await?.0,
+        let mut frame: Frame = match canvas {
+            None => model.render(&camera, &settings)?,
+            Some(canvas) => canvas.frame(model, &camera, &settings).await?.0,
         };
         if !form.is_transparent {
             frame.over(Colour::from_bytes(look.background).linear());

@@ -3,9 +3,9 @@
 mod build;
 mod classify;
 mod classify_fields;
+mod directory;
 mod edits;
 mod file;
-mod first_lane;
 mod format;
 mod lanes;
 mod layers;

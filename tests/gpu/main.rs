@@ -5,6 +5,7 @@
 //! - `pictures`: frames against the processor's, over phantoms and real sets, in all modes and orders.
 //! - `targets`: what quads lose in targets of 16 and 8 bits, and tiles do not.
 //! - `memory`: slabs, windows and chunks change no bit; video memory stays below its ceiling.
+//! - `resident`: lanes that only the device holds draw the same pictures.
 //! - `extremes`: what is at the edges of what numbers hold, as tests/pictures/extremes has it for the processor.
 //! - `damage`: lanes of random bytes end.
 //! - `embed`: textures of the caller's show what frames show; a lost device is an error.
@@ -23,6 +24,7 @@ mod extremes;
 mod layout;
 mod memory;
 mod pictures;
+mod resident;
 mod scenes;
 mod stages;
 mod targets;

@@ -1,6 +1,7 @@
 //! The viewer without a window: its interface is driven by events, and read by the names that a screen reader says.
 #![allow(clippy::cast_possible_truncation, reason = "samples and pixels of tests are small")]
 
+mod remote;
 mod snapshots;
 
 use std::path::{Path, PathBuf};
@@ -176,7 +177,7 @@ fn a_graphics_device_draws_the_same_picture() {
     assert!(!device.is_empty() && bytes > 100_000, "{device}: {bytes}");
     assert!(shown.work.splats > 0 && shown.work.walked > 0);
     // One canvas, as the transfer function changes: what is on the device stays, and colours follow.
-    let mut canvas = Canvas::default();
+    let canvas = Canvas::default();
     let other = TransferFunction::range(150.0, f64::INFINITY).unwrap();
     for model in [document.model.clone(), document.model.with_transfer(other).unwrap(), document.model.clone()] {
         let drawn = canvas.picture(&model, &document.look, [300, 200], Quality::High);
@@ -381,7 +382,7 @@ fn saved_pictures_have_their_size_and_a_turn_its_frames() {
         PictureForm { size: [64, 48], is_transparent: false, is_deep: true, quality: Quality::Standard, frames: 1 };
     let save = |name: &str, form| {
         let path = folder.path().join(name);
-        pollster::block_on(save(&path, &model, &look, form, Renderer::Processor, |_| Ok(())))
+        pollster::block_on(save(&path, &model, &look, form, None, |_| Ok(())))
     };
     save("a.png", form).unwrap();
     let read = adjsplat_pictures::read_picture(&folder.path().join("a.png")).unwrap();

@@ -7,11 +7,13 @@ use std::ops::Range;
 use zerocopy::byteorder::little_endian::{U16, U32};
 use zerocopy::{FromBytes, IntoBytes};
 
+use super::codes::CodeCounts;
 use super::layout::{Channels, TILE_EDGE, TileRecord, line_end_bytes};
 use super::owned_lane::OwnedLane;
 use super::pack::Record;
 use super::pager::{Pager, tell};
 use super::visible::VisibleCodes;
+use crate::error::{Error, Result};
 use crate::volume::Axis;
 
 /// The distance, in grid points, that a stepping voxel bridges (a record that stands for no voxel of its own).
@@ -102,12 +104,23 @@ pub struct Lane<'a> {
     pub normals: &'a [u8],
     /// Magnitude codes, 0 or 1 byte per record.
     pub magnitudes: &'a [u8],
+    /// Tells of channels that are not in memory: then those above are empty.
+    pub elsewhere: Option<Elsewhere<'a>>,
     /// Lines and records of the tiles that an [overlay](super::Overlay) changed. Their indices continue the lane's own.
     pub patch: Option<&'a OwnedLane>,
     /// The codes whose voxels are shown; `None` shows all voxels.
     pub shown: Option<&'a VisibleCodes>,
     /// Is told which parts of the lane are about to be read; `None` if the resident pages of the file are not limited.
     pub pager: Option<&'a dyn Pager>,
+}
+
+/// Channels that are not in memory, as those of a file on a server, which only a graphics device holds.
+#[derive(Debug, Clone, Copy)]
+pub struct Elsewhere<'a> {
+    /// Number of records, including stepping voxels.
+    pub records: u64,
+    /// How often each code occurs.
+    pub codes: &'a CodeCounts,
 }
 
 /// Number of tiles, and number of records, that a sweep announces to the pager at once.
@@ -155,16 +168,31 @@ impl<'a> Lane<'a> {
         swept.chain(by_line).inspect(move |records| lane.about_to_read(records.clone()))
     }
 
-    /// Returns the number of records, including stepping voxels and the patch's records.
-    pub fn record_count(&self) -> u64 {
-        (self.steps.len() + self.patch.map_or(0, |patch| patch.steps.len())) as u64
+    /// Returns the lane if its channels are in memory.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if they are elsewhere, so that only a graphics device that holds them can draw the lane.
+    pub fn at_hand(self) -> Result<Lane<'a>> {
+        match self.elsewhere {
+            None => Ok(self),
+            Some(_) => Err(Error::input("voxels", "are not in memory: only a graphics device has them")),
+        }
     }
 
-    /// Returns the size of all sections of the lane in bytes, without padding.
+    /// Returns the number of records, including stepping voxels and the patch's records, wherever they are.
+    pub fn record_count(&self) -> u64 {
+        let elsewhere = self.elsewhere.map_or(0, |elsewhere| elsewhere.records);
+        elsewhere + (self.steps.len() + self.patch.map_or(0, |patch| patch.steps.len())) as u64
+    }
+
+    /// Returns the size of all sections of the lane in bytes, without padding, wherever they are.
     pub fn bytes(&self) -> u64 {
         let directory = size_of_val(self.tiles) + self.line_ends.as_bytes().len();
         let own = directory + self.steps.len() + self.values.len() + self.normals.len() + self.magnitudes.len();
-        own as u64 + self.patch.map_or(0, |patch| patch.view().bytes())
+        let elsewhere = self.elsewhere.map_or(0, |elsewhere| elsewhere.records);
+        own as u64
+            + elsewhere.saturating_mul(self.channels.record_bytes())
+            + self.patch.map_or(0, |patch| patch.view().bytes())
     }
 
     /// Returns the lowest and highest coordinates of the voxels, by x, y, z; `None` if there are no tiles.
@@ -209,6 +237,9 @@ impl<'a> Lane<'a> {
 
     /// Returns the largest value code of the voxels that are shown; 0 if there are none. O(records).
     pub fn largest_value_code(&self) -> u16 {
+        if let Some(elsewhere) = self.elsewhere {
+            return elsewhere.codes.largest();
+        }
         let mut largest = 0;
         self.each_record(|record| largest = largest.max(self.value_code(record)));
         largest

@@ -5,8 +5,9 @@
 //! and removes voxels, [`trim`] makes a smaller arena.
 
 mod check;
+mod codes;
 mod curve;
-mod first_lane;
+mod directory;
 pub(crate) mod lane;
 mod lane_rows;
 pub(crate) mod lanes;
@@ -24,9 +25,10 @@ mod trim;
 pub(crate) mod visible;
 
 pub use check::{Checked, CheckedLane};
+pub use codes::CodeCounts;
 pub use curve::TileOrder;
-pub use first_lane::{FirstLane, Part};
-pub use lane::{Lane, LineEnds, LineSpan};
+pub use directory::{ChannelCheck, Directory, LanePart};
+pub use lane::{Elsewhere, Lane, LineEnds, LineSpan};
 pub use lane_rows::LaneRows;
 pub use lanes::LaneSet;
 pub use layout::{Channels, TileRecord};

@@ -13,10 +13,10 @@ use zerocopy::FromBytes;
 use zerocopy::byteorder::little_endian::F64;
 
 use super::curve::TileOrder;
-use super::lane::{Lane, LineEnds};
+use super::lane::{Elsewhere, Lane, LineEnds};
 use super::layout::{
-    Channels, Facts, FileHeader, MAGIC, MAJOR, MAX_SECTIONS, OPTIONAL_KINDS, Scales, SectionEntry, SectionKind,
-    TILE_EDGE, TileRecord, aligned, header_checksum,
+    ALIGNMENT, Channels, Facts, FileHeader, MAGIC, MAJOR, MAX_SECTIONS, OPTIONAL_KINDS, Scales, SectionEntry,
+    SectionKind, TILE_EDGE, TileRecord, aligned, header_checksum,
 };
 use super::pager::{Pager, tell};
 use crate::error::{Error, FormatFault};
@@ -58,12 +58,15 @@ macro_rules! at {
 pub(super) struct Head<'a> {
     pub(super) header: FileHeader,
     pub(super) table: &'a [SectionEntry],
-    facts: Facts,
+    pub(super) facts: Facts,
     checksum: u64,
 }
 
+/// The indices in the section table of a lane's sections, in the order of [`SectionKind::OF_LANES`].
+pub(super) type LanePlaces = [Option<usize>; 6];
+
 impl<'a> Head<'a> {
-    /// Reads and checks the beginning, `bytes`, of a file of `len` bytes. R1 to R9, and R10 and R11 of the section table.
+    /// Reads and checks the beginning, `bytes`, of a file of `len` bytes. R1 to R11.
     pub(super) fn new(bytes: &'a [u8], len: u64) -> Result<Head<'a>, FormatFault> {
         let magic = bytes.get(..MAGIC.len()).unwrap_or(bytes);
         if magic != MAGIC {
@@ -97,7 +100,64 @@ impl<'a> Head<'a> {
         }
         let facts = facts_of(&header)?;
         check_table(table, len, &facts)?;
-        Ok(Head { header, table, facts, checksum })
+        let head = Head { header, table, facts, checksum };
+        let mut stored = [false; 3];
+        for axis in Axis::ALL {
+            stored[axis.index()] = head.lane(axis)?.is_some();
+        }
+        if !stored.is_sorted_by_key(|&stored| !stored) || !stored[0] {
+            let names = Axis::ALL.into_iter().filter(|axis| stored[axis.index()]).map(Axis::name);
+            let got = format!("lanes '{}'", names.collect::<String>());
+            return Err(fault(size_of::<FileHeader>() as u64, "R10", "lanes x, xy or xyz", got));
+        }
+        Ok(head)
+    }
+
+    /// Returns the places of the sections of the lane along `axis`, or `None` if it is not stored. Checks R10 and R11.
+    pub(super) fn lane(&self, axis: Axis) -> Result<Option<LanePlaces>, FormatFault> {
+        let (channels, dims) = (self.facts.channels, self.facts.grid.dims);
+        let is_of = |kind: SectionKind| {
+            move |entry: &SectionEntry| entry.kind.get() == kind as u16 && entry.lane_axis() == Some(axis)
+        };
+        let places = SectionKind::OF_LANES.map(|kind| self.table.iter().position(is_of(kind)));
+        if places.iter().all(Option::is_none) {
+            return Ok(None);
+        }
+        let is_needed = |kind: SectionKind| kind.element_bytes(channels, dims, axis) > 0;
+        let mut named = SectionKind::OF_LANES.into_iter().zip(places);
+        if let Some((kind, _)) = named.find(|(kind, place)| place.is_none() && is_needed(*kind)) {
+            let expected = format!("{} in lane {}", kind.name(), axis.name());
+            return Err(fault(size_of::<FileHeader>() as u64, "R10", expected, "no such section"));
+        }
+        let elements = |place: Option<usize>| {
+            place.map_or(0, |index| self.table[index].bytes.get() / u64::from(self.table[index].element_bytes))
+        };
+        let [tile_count, line_count, records, ..] = places.map(elements);
+        let [u, v] = axis.others().map(|other| u64::from(dims[other.index()]));
+        let edge = u64::from(TILE_EDGE);
+        let most_lines = (u * v).min(tile_count.saturating_mul(edge * edge));
+        let most_records = line_count.saturating_mul(dims[axis.index()].into());
+        let counts = [
+            (0, u.div_ceil(edge) * v.div_ceil(edge)),
+            (tile_count, most_lines),
+            (line_count.max(self.facts.visible_voxels), most_records),
+            (records, records),
+            (records, records),
+            (records, records),
+        ];
+        for ((kind, place), (least, most)) in SectionKind::OF_LANES.into_iter().zip(places).zip(counts) {
+            let (Some(index), count) = (place, elements(place)) else { continue };
+            if count < least || count > most {
+                let expected = format!("{least} to {most} {} in lane {}", kind.name(), axis.name());
+                return Err(fault(at!(entry[index].bytes), "R11", expected, count));
+            }
+        }
+        if self.facts.visible_voxels < line_count {
+            let expected = format!("at least one on each of the {line_count} lines of lane {}", axis.name());
+            let got = format!("{} visible voxels", self.facts.visible_voxels);
+            return Err(fault(at!(header.visible_voxels), "R11", expected, got));
+        }
+        Ok(Some(places))
     }
 }
 
@@ -109,18 +169,30 @@ impl<'a> Arena<'a> {
     /// # Errors
     /// The first broken rule of `formats/adj-1.md` among R1 to R11.
     pub fn new(bytes: &'a [u8]) -> Result<Arena<'a>, FormatFault> {
-        let Head { table, facts, checksum, .. } = Head::new(bytes, bytes.len() as u64)?;
+        let head = Head::new(bytes, bytes.len() as u64)?;
+        let lanes = Axis::ALL.map(|axis| head.lane(axis).ok().flatten().map(|places| (axis, places)));
+        let Head { table, facts, checksum, .. } = head;
         let mut arena = Arena { bytes, facts, fingerprint: checksum, sections: table, lanes: [None; 3], pager: None };
-        for axis in Axis::ALL {
-            arena.lanes[axis.index()] = arena.lane_of(axis)?;
-        }
-        let stored = arena.lanes.map(|lane| lane.is_some());
-        if !stored.is_sorted_by_key(|&stored| !stored) || !stored[0] {
-            let names: Vec<&str> = arena.lanes().map(|lane| lane.axis.name()).collect();
-            let got = format!("lanes '{}'", names.concat());
-            return Err(fault(size_of::<FileHeader>() as u64, "R10", "lanes x, xy or xyz", got));
+        for (axis, places) in lanes.into_iter().flatten() {
+            arena.lanes[axis.index()] = Some(arena.lane_of(axis, places));
         }
         Ok(arena)
+    }
+
+    /// Returns the arena of a file without its channels, of which `elsewhere` tells lane by lane.
+    pub(super) fn of_directory(
+        bytes: &'a [u8],
+        facts: Facts,
+        sections: &'a [SectionEntry],
+        fingerprint: u64,
+        elsewhere: [Option<Elsewhere<'a>>; 3],
+    ) -> Arena<'a> {
+        let mut arena = Arena { bytes, facts, fingerprint, sections, lanes: [None; 3], pager: None };
+        for (axis, elsewhere) in Axis::ALL.into_iter().zip(elsewhere).filter(|(_, lane)| lane.is_some()) {
+            let places = SectionKind::OF_LANES.map(|kind| arena.place(kind, Some(axis)));
+            arena.lanes[axis.index()] = Some(Lane { elsewhere, ..arena.lane_of(axis, places) });
+        }
+        arena
     }
 
     /// Refuses an arena that exceeds `limits`; `path` is used in the message.
@@ -128,14 +200,7 @@ impl<'a> Arena<'a> {
     /// # Errors
     /// [`Error::Limit`] that names the file and the size that is too large.
     pub fn within(&self, path: &Path, limits: &Limits) -> Result<(), Error> {
-        limits.check(path, "file bytes", self.bytes.len() as u64, limits.file_bytes)?;
-        limits.check_grid(path, &self.facts.grid.dims.map(u64::from))?;
-        limits.check(path, "sections", self.sections.len() as u64, limits.sections.into())?;
-        for section in self.sections {
-            limits.check(path, "bytes in a section", section.bytes.get(), limits.section_bytes)?;
-        }
-        let description = self.section(SectionKind::Description, None).map_or(0, |section| section.bytes.get());
-        limits.check(path, "bytes of description", description, limits.description_bytes)
+        sections_within(&self.facts, self.sections, self.bytes.len() as u64, path, limits)
     }
 
     /// Returns the arena with a `pager`, which is told which parts of the arena are about to be read.
@@ -203,54 +268,49 @@ impl<'a> Arena<'a> {
         description
     }
 
-    /// Returns the lane along `axis` as views of its sections, or `None` if it is not stored. Checks R10 and R11.
-    fn lane_of(&self, axis: Axis) -> Result<Option<Lane<'a>>, FormatFault> {
+    /// Returns the lane along `axis`, whose sections are at `places`, as views of them.
+    fn lane_of(&self, axis: Axis, places: LanePlaces) -> Lane<'a> {
         let (channels, dims) = (self.facts.channels, self.facts.grid.dims);
-        let places = SectionKind::OF_LANES.map(|kind| (kind, self.place(kind, Some(axis))));
-        if places.iter().all(|(_, place)| place.is_none()) {
-            return Ok(None);
-        }
-        let is_needed = |kind: SectionKind| kind.element_bytes(channels, dims, axis) > 0;
-        if let Some((kind, _)) = places.iter().find(|(kind, place)| place.is_none() && is_needed(*kind)) {
-            let expected = format!("{} in lane {}", kind.name(), axis.name());
-            return Err(fault(size_of::<FileHeader>() as u64, "R10", expected, "no such section"));
-        }
         let [tiles, line_ends, steps, values, normals, magnitudes] =
-            places.map(|(_, place)| place.map_or(&[][..], |index| self.section_bytes(&self.sections[index])));
+            places.map(|place| place.map_or(&[][..], |index| self.section_bytes(&self.sections[index])));
         let tiles = <[TileRecord]>::ref_from_bytes(tiles).expect("R11 holds: a multiple of a tile's 28 bytes");
         let line_ends = LineEnds::new(line_ends, dims[axis.index()]);
-        let [u, v] = axis.others().map(|other| u64::from(dims[other.index()]));
-        let edge = u64::from(TILE_EDGE);
-        let (tile_count, line_count, records) = (tiles.len() as u64, line_ends.len() as u64, steps.len() as u64);
-        let most_lines = (u * v).min(tile_count.saturating_mul(edge * edge));
-        let most_records = line_count.saturating_mul(dims[axis.index()].into());
-        let counts = [
-            (0, u.div_ceil(edge) * v.div_ceil(edge)),
-            (tile_count, most_lines),
-            (line_count.max(self.facts.visible_voxels), most_records),
-            (records, records),
-            (records, records),
-            (records, records),
-        ];
-        for ((kind, place), (least, most)) in places.into_iter().zip(counts) {
-            let Some(index) = place else { continue };
-            let SectionEntry { bytes, element_bytes, .. } = self.sections[index];
-            let count = bytes.get() / u64::from(element_bytes);
-            if count < least || count > most {
-                let expected = format!("{least} to {most} {} in lane {}", kind.name(), axis.name());
-                return Err(fault(at!(entry[index].bytes), "R11", expected, count));
-            }
+        let (elsewhere, patch, shown, pager) = (None, None, None, None);
+        Lane {
+            axis,
+            dims,
+            channels,
+            tiles,
+            line_ends,
+            steps,
+            values,
+            normals,
+            magnitudes,
+            elsewhere,
+            patch,
+            shown,
+            pager,
         }
-        if self.facts.visible_voxels < line_count {
-            let expected = format!("at least one on each of the {line_count} lines of lane {}", axis.name());
-            let got = format!("{} visible voxels", self.facts.visible_voxels);
-            return Err(fault(at!(header.visible_voxels), "R11", expected, got));
-        }
-        let (patch, shown, pager) = (None, None, None);
-        let lane =
-            Lane { axis, dims, channels, tiles, line_ends, steps, values, normals, magnitudes, patch, shown, pager };
-        Ok(Some(lane))
     }
+}
+
+/// Refuses a file of `file_bytes` bytes that exceeds `limits`; `path` is used in the message.
+pub(super) fn sections_within(
+    facts: &Facts,
+    sections: &[SectionEntry],
+    file_bytes: u64,
+    path: &Path,
+    limits: &Limits,
+) -> Result<(), Error> {
+    limits.check(path, "file bytes", file_bytes, limits.file_bytes)?;
+    limits.check_grid(path, &facts.grid.dims.map(u64::from))?;
+    limits.check(path, "sections", sections.len() as u64, limits.sections.into())?;
+    for section in sections {
+        limits.check(path, "bytes in a section", section.bytes.get(), limits.section_bytes)?;
+    }
+    let is_description = |section: &&SectionEntry| section.known_kind() == Some(SectionKind::Description);
+    let description = sections.iter().find(is_description).map_or(0, |section| section.bytes.get());
+    limits.check(path, "bytes of description", description, limits.description_bytes)
 }
 
 /// Reads and checks the header's fields. R6 to R9.
@@ -331,7 +391,7 @@ fn check_table(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result
             let expected = format!("a section at {next}, the first multiple of 256 after what lies before");
             return Err(fault(at!(entry[index].offset), "R5", expected, offset));
         }
-        let end = offset.checked_add(bytes).filter(|&end| end <= file_bytes);
+        let end = offset.checked_add(bytes).filter(|&end| end <= file_bytes.min(u64::MAX - ALIGNMENT));
         let Some(end) = end else {
             let expected = format!("a section of at most {} bytes", file_bytes.saturating_sub(offset));
             return Err(fault(at!(entry[index].bytes), "R5", expected, bytes));

@@ -59,6 +59,7 @@ impl OwnedLane {
             values: &self.values,
             normals: &self.normals,
             magnitudes: &self.magnitudes,
+            elsewhere: None,
             patch: None,
             shown: None,
             pager: None,

@@ -16,13 +16,14 @@ pub use voxels::{ModelVoxel, Voxels};
 
 use crate::arena::lanes::DerivedLanes;
 use crate::arena::layout::Facts;
-use crate::arena::{Arena, Lane};
+use crate::arena::{Arena, CodeCounts, Directory, Lane};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::file::{AdjFile, write_atomically};
 use crate::limits::Limits;
 use crate::splat::camera::ToCamera;
-use crate::splat::{Camera, Frame, Lanes, Orbit, Outline, Scene, Settings, Stats, cpu};
+use crate::splat::setup::walk_order;
+use crate::splat::{Camera, Frame, Lanes, Orbit, Outline, Scene, Settings, Stats, View, cpu};
 use crate::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, VoxelBox, walk};
 use crate::volume::{Axis, Grid};
 
@@ -48,6 +49,8 @@ struct Stored {
 enum Bytes {
     Mapped(AdjFile),
     InMemory(Vec<u8>),
+    /// The channels are not in memory.
+    Elsewhere(Arc<Directory>, CodeCounts),
 }
 
 impl Bytes {
@@ -55,6 +58,7 @@ impl Bytes {
         match self {
             Bytes::Mapped(file) => file.arena(),
             Bytes::InMemory(bytes) => Arena::new(bytes).map_err(|fault| Error::Format { path: "memory".into(), fault }),
+            Bytes::Elsewhere(directory, codes) => Ok(directory.arena(codes)),
         }
     }
 }
@@ -84,6 +88,17 @@ impl Model {
     /// [`Error::Format`] if they are no `.adj` file; [`Error::Input`] if they store no readable transfer function.
     pub fn from_bytes(bytes: Vec<u8>) -> Result<Model> {
         Model::new(Bytes::InMemory(bytes), DerivedLanes::new(u64::MAX), "memory".as_ref())
+    }
+
+    /// Creates a model of a file of which only the directory is in memory; `codes` counts the voxels that have arrived.
+    ///
+    /// Its pictures are drawn by a graphics device that [receives](crate::splat::gpu::Resident::receive) the channels; lanes
+    /// that the file does not store are not derived.
+    ///
+    /// # Errors
+    /// [`Error::Input`], which names the file as `name`, if it stores no readable transfer function.
+    pub fn from_directory(directory: Arc<Directory>, codes: CodeCounts, name: &str) -> Result<Model> {
+        Model::new(Bytes::Elsewhere(directory, codes), DerivedLanes::new(0), name.as_ref())
     }
 
     fn new(bytes: Bytes, derived: DerivedLanes, path: &Path) -> Result<Model> {
@@ -143,12 +158,30 @@ impl Model {
     /// # Errors
     /// [`Error::Input`] if the viewpoint cannot be used; [`Error::Limit`] if the walk needs a lane that is not stored
     /// and cannot be derived within the model's limits.
-    pub fn walk(&self, viewpoint: &Viewpoint, mut visit: impl FnMut(&Voxels)) -> Result<()> {
+    pub fn walk(&self, viewpoint: &Viewpoint, visit: impl FnMut(&Voxels)) -> Result<()> {
+        let order = Order::new(*viewpoint, self.grid().dims, Sense::FrontToBack, SplitForm::default())?;
+        self.walk_lane(&self.lane(order.fast)?.at_hand()?, viewpoint, visit)
+    }
+
+    /// Walks as [`Model::walk`] does, but only over the voxels of `lane`: of the model's, or of some of its tiles.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the viewpoint cannot be used.
+    pub fn walk_lane(&self, lane: &Lane, viewpoint: &Viewpoint, mut visit: impl FnMut(&Voxels)) -> Result<()> {
         let facts = &self.stored.facts;
         let order = Order::new(*viewpoint, facts.grid.dims, Sense::FrontToBack, SplitForm::default())?;
-        let lane = self.lane(order.fast)?;
-        walk(&lane, &order, &mut |batch: &Batch| visit(&Voxels::new(batch, &lane, facts, &order)));
+        let order = order.with_fast(lane.axis);
+        walk(lane, &order, &mut |batch: &Batch| visit(&Voxels::new(batch, lane, facts, &order)));
         Ok(())
+    }
+
+    /// Returns the order in which a picture visits the voxels, along which axis for instance lines run.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the camera or the settings cannot be used.
+    pub fn order(&self, camera: &Camera, settings: &Settings) -> Result<Order> {
+        let view = View::new(camera, self.grid(), settings.size, settings.kernel(), settings.near)?;
+        walk_order(&view, self.grid(), settings)
     }
 
     /// Draws a picture on the processor.
@@ -206,6 +239,7 @@ impl Model {
     /// The errors of [`write_atomically`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<u64> {
         let arena = self.arena()?;
+        arena.lanes().try_for_each(|lane| lane.at_hand().map(|_| ()))?;
         write_atomically(path.as_ref(), |out| {
             out.write_all(arena.bytes())?;
             Ok(arena.bytes().len() as u64)

@@ -154,9 +154,14 @@ impl<'a> Table<'a> {
     /// Returns the exposure at which a ray through n average voxels shows `1 - exp(-1.4)`; n^3 is the number of voxels.
     fn exposure(&self, lane: &Lane) -> f32 {
         let voxels = self.scene.facts.visible_voxels.max(1) as f64;
-        let depth = |record| self.look(lane.value_code(record), lane.magnitude_code(record))[3];
+        let depth = |value, magnitude| f64::from(self.look(value, magnitude)[3]);
         let mut sum = 0.0;
-        lane.each_record(|record| sum += f64::from(depth(record)));
+        match lane.elsewhere {
+            None => lane.each_record(|record| sum += depth(lane.value_code(record), lane.magnitude_code(record))),
+            Some(elsewhere) => elsewhere.codes.each_pair(lane.channels, |value, magnitude, count| {
+                sum += count as f64 * depth(value, magnitude);
+            }),
+        }
         let typical = sum / voxels * voxels.cbrt() / f64::from(LOG2_E);
         #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
         let exposure = if typical > 0.0 { (1.4 / typical) as f32 } else { 1.0 };

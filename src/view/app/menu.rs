@@ -148,6 +148,12 @@ impl Viewer {
                     opening.cancel();
                 }
             }
+            for document in &self.documents {
+                if let Some((axis, share)) = document.painter.canvas().remote().and_then(|remote| remote.fetching()) {
+                    ui.label(format!("Fetching the voxels of {} along {}", document.title, axis.name()));
+                    ui.add(ProgressBar::new(share).desired_width(140.0));
+                }
+            }
             for saving in &self.savings {
                 ui.label(format!("Drawing {} of {}", saving.done() + 1, saving.frames));
                 if ui.button("Cancel").clicked() {

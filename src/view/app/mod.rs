@@ -26,7 +26,6 @@ pub struct Viewer {
     documents: Vec<Document>,
     active: usize,
     openings: Vec<Opening>,
-    opening_count: u64,
     savings: Vec<Saving>,
     dialog: Option<Dialog>,
     recent: RecentFiles,
@@ -56,7 +55,6 @@ impl Viewer {
             documents: Vec::new(),
             active: 0,
             openings: Vec::new(),
-            opening_count: 0,
             savings: Vec::new(),
             dialog: None,
             recent,
@@ -83,8 +81,7 @@ impl Viewer {
 
     /// Begins to open a file that is to be shown as `wish` says.
     pub fn open_as(&mut self, context: &Context, place: Place, wish: Wish) {
-        self.opening_count += 1;
-        self.openings.push(Opening::begin(self.opening_count, place, wish, context));
+        self.openings.push(Opening::begin(place, wish, context));
     }
 
     /// Returns the open documents, in the order of their tabs.
@@ -145,26 +142,16 @@ impl Viewer {
     fn take_results(&mut self, context: &Context) {
         let background = theme::background(context.theme() == Theme::Dark);
         let mut opened = Vec::new();
-        self.openings.retain(|opening| {
-            let mut goes_on = true;
-            while let Some(result) = opening.result() {
-                goes_on = result.as_ref().is_ok_and(|opened| opened.is_part);
-                opened.push((opening.number, opening.place.clone(), opening.wish.clone(), result));
+        self.openings.retain(|opening| match opening.result() {
+            None => true,
+            Some(result) => {
+                opened.push((opening.place.clone(), opening.wish.clone(), result));
+                false
             }
-            goes_on
         });
-        for (number, place, wish, result) in opened {
-            let shown = self.documents.iter().position(|document| document.number == number);
-            let result = result.and_then(|opened| match shown {
-                Some(index) => {
-                    self.documents[index].grow(opened, self.renderer);
-                    Ok(None)
-                }
-                None => Document::new(context, number, opened, background, self.renderer).map(Some),
-            });
-            match result {
-                Ok(None) => {}
-                Ok(Some(mut document)) => {
+        for (place, wish, result) in opened {
+            match result.and_then(|opened| Document::new(context, opened, background, self.renderer)) {
+                Ok(mut document) => {
                     if let Some(path) = document.place.path() {
                         self.recent.add(path);
                     }
@@ -177,10 +164,6 @@ impl Viewer {
                         Error::Interrupted => (format!("{} was not opened", place.name()), false),
                         fault => (full(&fault), true),
                     });
-                    // A part of a file is nothing to work with.
-                    if let Some(index) = shown {
-                        self.close(index);
-                    }
                 }
             }
         }
@@ -205,7 +188,12 @@ impl Viewer {
                 self.chosen(context, purpose, place);
             }
         }
-        self.documents.iter_mut().for_each(Document::finish_pick);
+        for document in &mut self.documents {
+            document.finish_pick();
+            if let Some(fault) = document.take_news() {
+                self.message = Some((fault, true));
+            }
+        }
     }
 
     /// Does what a file was chosen for.
@@ -217,13 +205,14 @@ impl Viewer {
         // A browser asks for no name.
         let is_turn = cfg!(target_arch = "wasm32") && self.form.is_some_and(|form| form.frames > 1);
         let path = if is_turn && purpose == Purpose::SavePicture { "turn.apng".as_ref() } else { path };
-        let renderer = self.saving_renderer();
         let Some(document) = self.documents.get_mut(self.active) else { return };
         let result = match purpose {
             Purpose::OpenFile => Ok(()),
             Purpose::SavePicture => {
                 if let Some(form) = self.form {
-                    self.savings.push(Saving::begin(path, &document.model, &document.look, form, renderer, context));
+                    // On a desktop the processor, whose pictures are those of `adj render` bit for bit.
+                    let canvas = cfg!(target_arch = "wasm32").then(|| document.painter.canvas());
+                    self.savings.push(Saving::begin(path, &document.model, &document.look, form, canvas, context));
                 }
                 Ok(())
             }
@@ -285,15 +274,8 @@ impl Viewer {
         }
     }
 
-    /// Returns what draws pictures that are saved: on a desktop the processor, whose pictures are those of `adj render` bit
-    /// for bit.
-    fn saving_renderer(&self) -> Renderer {
-        if cfg!(target_arch = "wasm32") { self.renderer } else { Renderer::Processor }
-    }
-
     fn close(&mut self, index: usize) {
-        let closed = self.documents.remove(index);
-        self.openings.iter().filter(|opening| opening.number == closed.number).for_each(Opening::cancel);
+        self.documents.remove(index);
         self.active = self.active.min(self.documents.len().saturating_sub(1));
     }
 }

@@ -68,7 +68,13 @@ impl Viewer {
         let [r, g, b] = document.look.background;
         let painter = ui.painter_at(rect);
         painter.rect_filled(rect, 0.0, Color32::from_rgb(r, g, b));
-        if let Some(texture) = document.painter.paint(&model, version, &document.look, size, time) {
+        let canvas = document.painter.canvas().clone();
+        if canvas.remote().is_some_and(|remote| !remote.has_arrived()) {
+            overlay::message(&painter, rect, "Fetching the first voxels …", contrast([r, g, b]));
+            if let Err(fault) = canvas.begin(&model, &document.look, size) {
+                document.note = Some(fault.to_string());
+            }
+        } else if let Some(texture) = document.painter.paint(&model, version, &document.look, size, time) {
             Image::new(texture).paint_at(ui, rect);
         } else {
             overlay::message(&painter, rect, "Drawing the first picture …", contrast([r, g, b]));

@@ -20,6 +20,7 @@ use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 
 use crate::look::Look;
 pub use device::Canvas;
+pub(crate) use device::OnDevice;
 use draft_size::DraftSize;
 use worker::{Drawn, Request, Worker};
 pub use worker::{Renderer, Work};
@@ -44,6 +45,7 @@ pub struct Shown {
 /// Draws the pictures of one view.
 pub struct Painter {
     context: Context,
+    canvas: Canvas,
     draft: Worker,
     /// Draws finer pictures, if that is not the same worker.
     finer: Option<Worker>,
@@ -62,11 +64,14 @@ pub struct Painter {
 }
 
 impl Painter {
-    /// Creates a painter; it wakes `context` when a picture is ready.
-    pub fn new(context: &Context, renderer: Renderer) -> Painter {
-        let (draft, finer, results) = workers(context, renderer);
+    /// Creates a painter, which draws on `canvas` if a device draws; it wakes `context` when a picture is ready.
+    pub fn new(context: &Context, renderer: Renderer, canvas: Canvas) -> Painter {
+        let (sender, results) = channel();
+        let worker = || Worker::new(renderer, canvas.clone(), sender.clone(), context.clone());
+        let (draft, finer) = (worker(), (renderer == Renderer::Processor).then(worker));
         Painter {
             context: context.clone(),
+            canvas,
             draft,
             finer,
             results,
@@ -82,10 +87,9 @@ impl Painter {
         }
     }
 
-    /// Begins anew, for a model with other voxels; the last picture stays until there is another.
-    pub(crate) fn renew(&mut self, renderer: Renderer) {
-        (self.draft, self.finer, self.results) = workers(&self.context, renderer);
-        self.asked = None;
+    /// Returns what the device keeps.
+    pub(crate) fn canvas(&self) -> &Canvas {
+        &self.canvas
     }
 
     /// Returns the best picture so far; asks for better ones. `version` counts changes of the model; `time` is in seconds.
@@ -143,7 +147,8 @@ impl Painter {
     /// Returns whether the picture that is shown is the best of this look.
     pub fn is_finished(&self) -> bool {
         let shown = self.shown.as_ref();
-        shown.is_some_and(|shown| shown.look_index == self.look_index && shown.quality == Quality::High)
+        let is_fetching = self.canvas.remote().is_some_and(|remote| remote.fetching().is_some());
+        !is_fetching && shown.is_some_and(|shown| shown.look_index == self.look_index && shown.quality == Quality::High)
     }
 
     fn request(&self, model: &Model, look: &Look, size: [u32; 2], quality: Quality) -> Request {
@@ -180,13 +185,6 @@ impl Painter {
             }
         }
     }
-}
-
-/// Returns a worker for drafts; one for finer pictures, if that is not the same; and where their pictures come.
-fn workers(context: &Context, renderer: Renderer) -> (Worker, Option<Worker>, Receiver<Drawn>) {
-    let (sender, results) = channel();
-    let worker = || Worker::new(renderer, sender.clone(), context.clone());
-    (worker(), (renderer == Renderer::Processor).then(worker), results)
 }
 
 fn rank(quality: Quality) -> usize {

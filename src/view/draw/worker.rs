@@ -61,9 +61,9 @@ pub(super) struct Worker {
 }
 
 impl Worker {
-    pub(super) fn new(renderer: Renderer, results: Sender<Drawn>, context: Context) -> Worker {
+    pub(super) fn new(renderer: Renderer, canvas: Canvas, results: Sender<Drawn>, context: Context) -> Worker {
         let (requests, receiver) = async_channel::unbounded();
-        background::run(move || work(renderer, receiver, results, context));
+        background::run(move || work(renderer, canvas, receiver, results, context));
         Worker { requests }
     }
 
@@ -75,11 +75,11 @@ impl Worker {
 
 async fn work(
     renderer: Renderer,
+    canvas: Canvas,
     requests: async_channel::Receiver<Request>,
     results: Sender<Drawn>,
     context: Context,
 ) {
-    let mut canvas = Canvas::default();
     while let Ok(mut request) = requests.recv().await {
         while let Ok(newer) = requests.try_recv() {
             request = newer;

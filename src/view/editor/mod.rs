@@ -14,9 +14,7 @@ mod ui_tests;
 
 use adjsplat::Model;
 use adjsplat::TransferFunction;
-use adjsplat::arena::LaneRows;
-use adjsplat::arena::Record;
-use adjsplat::arena::Rows as _;
+use adjsplat::arena::CodeCounts;
 use adjsplat::error::Result;
 use adjsplat::volume::Axis;
 
@@ -44,15 +42,12 @@ impl StoredValues {
     pub fn of(model: &Model) -> Result<StoredValues> {
         let arena = model.arena()?;
         let facts = arena.facts();
-        let mut counts = vec![0; if facts.channels.value_bits == 8 { 1 << 8 } else { 1 << 16 }];
         let lane = arena.lane(Axis::X).expect("every arena that opens has the lane along x");
-        let dims = facts.grid.dims;
-        let region = adjsplat::arena::Region { xs: 0..dims[0], ys: 0..dims[1], zs: 0..dims[2] };
-        LaneRows::new(lane, |_, _, record: Record| Some(record)).read(region, &mut |_, _, voxels| {
-            voxels.iter().for_each(|voxel| counts[usize::from(voxel.record.value)] += 1);
-        })?;
-        let used = counts.iter().rposition(|count| *count > 0).map_or(1, |last| last + 1);
-        counts.truncate(used);
+        let mut counts = CodeCounts::of(&lane).by_value().to_vec();
+        if counts.is_empty() {
+            // Nothing is stored, or nothing has arrived yet: any value may be.
+            counts.resize(1 << facts.channels.value_bits, 0);
+        }
         Ok(StoredValues { low: facts.scales.value_low, step: facts.scales.value_step, counts })
     }
 

@@ -77,6 +77,7 @@ pub fn render_without(
 ) -> Result<(Frame, Stats)> {
     let start = Instant::now();
     let setup = FrameSetup::new(scene, camera, settings)?;
+    setup.lane.at_hand()?;
     let table = Table::new(scene, &setup.lane, settings, setup.view.mean_voxel)?;
     // Computing the bounds takes a pass over all tiles; the largest optical depth, one over all looks.
     let bounds = if settings.keeps_pixels() { None } else { setup.lane.bounds() };

@@ -20,7 +20,7 @@ use super::resolve::{self, RenderTarget};
 use super::slab_buffers::SlabBuffers;
 use super::stages::{BlendMode, Pipelines, bind, render_pass};
 use super::timing::Pass;
-use super::{Compositor, GpuRenderer, GpuStats};
+use super::{Compositor, GpuRenderer, GpuStats, Resident};
 use crate::error::Result;
 use crate::splat::setup::FrameSetup as Shot;
 use crate::splat::{Frame, Settings};
@@ -58,10 +58,10 @@ pub(super) async fn frame<'a>(
     mut output: FrameOutput<'_, '_>,
     stats: &mut GpuStats,
 ) -> Result<()> {
-    let context = renderer.context.clone();
+    let context = renderer.resident.context.clone();
     let mut draw = FrameDraw {
         context: context.clone(),
-        pipelines: renderer.pipelines.clone(),
+        pipelines: renderer.resident.pipelines.clone(),
         list,
         renderer,
         shot,
@@ -74,7 +74,7 @@ pub(super) async fn frame<'a>(
     };
     draw.stats.slabs = draw.list.slabs.len();
     draw.make_room();
-    let drawn = draw.renderer.buffers.make(&context, BufferName::Drawn, 4 * COUNTERS)?;
+    let drawn = draw.renderer.resident.buffers.make(&context, BufferName::Drawn, 4 * COUNTERS)?;
     let mut encoder = context.encoder("begin");
     encoder.clear_buffer(&drawn, 0, None);
     context.submit([encoder.finish()])?;
@@ -96,7 +96,7 @@ pub(super) async fn frame<'a>(
         }
     }
     if draw.is_timed {
-        let drawn = read_back::drawn(&mut draw.renderer.buffers, &context).await?;
+        let drawn = read_back::drawn(&mut draw.renderer.resident.buffers, &context).await?;
         (draw.stats.splats_drawn, draw.stats.splats_skipped) = (drawn, records - drawn.min(records));
     }
     Ok(())
@@ -118,14 +118,14 @@ impl FrameDraw<'_, '_, '_> {
         uniform.uses_magnitude = self.renderer.looks().on_device.uses_magnitude.into();
         uniform.mask_words = u32::try_from(mask_words(self.plan.slots.into())).expect("few words");
 
-        let (context, buffers) = (&self.context, &mut self.renderer.buffers);
+        let (context, buffers) = (&self.context, &mut self.renderer.resident.buffers);
         let uniform_buffer = buffers.make(context, BufferName::Uniform, size_of::<FrameUniform>() as u64)?;
         context.write(&uniform_buffer, 0, bytemuck::bytes_of(&uniform))?;
         buffers.make(context, BufferName::Chunk, size_of::<Chunk>() as u64)?;
         let slots = u64::from(self.plan.slots.next_multiple_of(BATCH));
         buffers.make(context, BufferName::Voxels, slots * size_of::<VisitedVoxel>() as u64)?;
         buffers.make(context, BufferName::Splats, slots * size_of::<Splat>() as u64)?;
-        match self.renderer.current {
+        match self.renderer.resident.current {
             Compositor::Tiles => {
                 let words = tiles.map(u64::from).iter().product::<u64>() * u64::from(uniform.mask_words);
                 buffers.make(context, BufferName::Masks, 4 * words)?;
@@ -171,8 +171,8 @@ impl FrameDraw<'_, '_, '_> {
     fn begin_quads<'e>(&mut self, encoder: &'e mut CommandEncoder, is_first: bool) -> RenderPass<'e> {
         let start = Color { r: 0.0, g: 0.0, b: 0.0, a: self.blend.initial_alpha().into() };
         let load = if is_first { LoadOp::Clear(start) } else { LoadOp::Load };
-        let view = self.renderer.buffers.target().create_view(&Default::default());
-        let timer = self.renderer.timer.as_mut().filter(|_| self.is_timed);
+        let view = self.renderer.resident.buffers.target().create_view(&Default::default());
+        let timer = self.renderer.resident.timer.as_mut().filter(|_| self.is_timed);
         render_pass(encoder, &view, load, timer.and_then(|timer| timer.render(Pass::Composite)))
     }
 
@@ -183,14 +183,14 @@ impl FrameDraw<'_, '_, '_> {
         let slab = &self.list.slabs[index];
         let (context, renderer) = (&self.context, &mut *self.renderer);
         let line_bytes = 4 * slab.lines.len() as u64;
-        let lines = renderer.buffers.make(context, BufferName::Lines, line_bytes)?;
-        if renderer.listed_slab != Some(index) {
+        let lines = renderer.resident.buffers.make(context, BufferName::Lines, line_bytes)?;
+        if renderer.resident.listed_slab != Some(index) {
             context.fill(&lines, bytemuck::cast_slice(&slab.lines))?;
             self.stats.list_bytes += line_bytes;
-            renderer.listed_slab = Some(index);
+            renderer.resident.listed_slab = Some(index);
         }
         let block_bytes = size_of::<LineBlock>() * slab.blocks.len();
-        let blocks = renderer.buffers.make(context, BufferName::Blocks, block_bytes as u64)?;
+        let blocks = renderer.resident.buffers.make(context, BufferName::Blocks, block_bytes as u64)?;
         context.write(&blocks, 0, bytemuck::cast_slice(&chunks.blocks))?;
         self.stats.upload_ms += start.elapsed().as_secs_f64() * 1e3;
         Ok(())
@@ -200,8 +200,8 @@ impl FrameDraw<'_, '_, '_> {
     fn call_probe(&mut self, uniform: &FrameUniform, slab: &Slab, chunk: Chunk, blocks: &[LineBlock]) {
         let (Some(probe), renderer) = (&mut self.probe, &*self.renderer) else { return };
         let looks = &renderer.looks().on_device;
-        let buffer = |name: BufferName| renderer.buffers.get(name);
-        let has_tiles = renderer.current == Compositor::Tiles;
+        let buffer = |name: BufferName| renderer.resident.buffers.get(name);
+        let has_tiles = renderer.resident.current == Compositor::Tiles;
         probe(&Probe {
             device: &self.context.device,
             queue: &self.context.queue,
@@ -209,7 +209,7 @@ impl FrameDraw<'_, '_, '_> {
             chunk,
             blocks,
             lines: &slab.lines,
-            slab: &renderer.slabs.last().expect("a slab is on the device").buffers,
+            slab: &renderer.resident.slabs.last().expect("a slab is on the device").buffers,
             looks: [&looks.by_value, &looks.by_pair],
             voxels: buffer(BufferName::Voxels),
             splats: buffer(BufferName::Splats),
@@ -225,7 +225,7 @@ impl FrameDraw<'_, '_, '_> {
         let slab = self.list.slabs.first().map_or(0, |slab| slab.sizes.iter().sum());
         let need: u64 = slab + LINE_BYTES * line_count(&self.shot.lane);
         let is_streamed = self.list.slabs.len() > 1;
-        let slabs = &mut self.renderer.slabs;
+        let slabs = &mut self.renderer.resident.slabs;
         slabs.retain(|slab| slab.is_whole && !is_streamed);
         // The lane of this frame comes last, so it is not removed.
         slabs.sort_by_key(|slab| slab.axis == axis);
@@ -238,18 +238,20 @@ impl FrameDraw<'_, '_, '_> {
 
     /// Copies slab `index` to the device, unless it is the whole lane, and there already.
     fn upload_slab(&mut self, index: usize) -> Result<()> {
-        let (context, lane, slabs) = (&self.context, &self.shot.lane, &mut self.renderer.slabs);
+        let (context, lane, slabs) = (&self.context, &self.shot.lane, &mut self.renderer.resident.slabs);
         let is_whole = self.list.slabs.len() == 1;
         if is_whole && slabs.last().is_some_and(|last| last.axis == lane.axis) {
             return Ok(());
         }
         if !is_whole {
+            // What is not in memory cannot be copied again and again.
+            lane.at_hand()?;
             // The previous slab is freed, and waiting lets the device finish with it, so that only one exists.
             slabs.clear();
             context.wait()?;
         }
         let slab = &self.list.slabs[index];
-        let buffers = SlabBuffers::new(context, lane.axis, is_whole, slab.sizes)?;
+        let buffers = SlabBuffers::new(context, lane, is_whole, slab.sizes)?;
         self.stats.upload_bytes += buffers.upload(context, lane, &slab.tiles)?;
         slabs.push(buffers);
         Ok(())
@@ -259,7 +261,7 @@ impl FrameDraw<'_, '_, '_> {
     fn chunk(&mut self, chunk: Chunk, block_count: u32, window_tiles: [u32; 2]) -> Result<()> {
         let (context, pipelines, blend) = (self.context.clone(), self.pipelines.clone(), self.blend);
         let device = &context.device;
-        let GpuRenderer { buffers, looks, slabs, timer, current, .. } = &mut *self.renderer;
+        let GpuRenderer { resident: Resident { buffers, slabs, timer, current, .. }, looks, .. } = &mut *self.renderer;
         let looks = &looks.as_ref().expect("a frame begins with its tables").on_device;
         let buffer = |name: BufferName| buffers.get(name);
         let [uniform, chunk_buffer] = [BufferName::Uniform, BufferName::Chunk].map(buffer);

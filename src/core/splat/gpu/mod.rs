@@ -24,6 +24,7 @@ mod lines;
 mod looks;
 pub(crate) mod probe;
 mod read_back;
+mod resident;
 mod resolve;
 mod slab_buffers;
 pub(crate) mod stages;
@@ -33,24 +34,23 @@ use std::sync::Arc;
 
 use web_time::Instant;
 pub use wgpu;
-use wgpu::{Device, DeviceType, Features, Queue};
+use wgpu::{Device, Features, Queue};
 
-use self::budget::{MemoryPlan, in_flight};
+use self::budget::MemoryPlan;
 use self::buffers::FrameBuffers;
-use self::context::Context;
+use self::context::MAX_BINDING;
 use self::draw::FrameOutput;
 use self::lines::{LaneSize, LineList, list_key};
 use self::looks::{LookBuffers, LookTables};
 use self::probe::ProbeCallback;
+pub use self::resident::Resident;
 pub use self::resolve::RenderTarget;
-use self::resolve::ResolvePipeline;
 use self::slab_buffers::SlabBuffers;
-use self::stages::Pipelines;
-use self::timing::Timer;
 use super::setup::FrameSetup as Shot;
 use super::supersample::Supersampling;
 use super::view::check_size;
 use super::{Blending, Camera, Frame, Sampling, Scene, Settings};
+use crate::arena::Lane;
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::traverse::VoxelBox;
@@ -98,6 +98,17 @@ impl Default for GpuOptions {
 }
 
 impl GpuOptions {
+    /// Returns whether a device can hold all of a lane, so that its channels need not be in memory.
+    pub fn holds(&self, lane: &Lane) -> bool {
+        let widest = lane.channels.widths().into_iter().max().unwrap_or(1) as u64;
+        lane.bytes() <= self.lane_bytes() && lane.record_count().saturating_mul(widest) <= MAX_BINDING
+    }
+
+    /// Most bytes that such lanes take together; frames need the rest.
+    fn lane_bytes(&self) -> u64 {
+        self.vram / 4 * 3
+    }
+
     /// Sets the most bytes of video memory.
     pub fn with_vram(self, vram: u64) -> GpuOptions {
         GpuOptions { vram, ..self }
@@ -152,20 +163,9 @@ pub struct GpuStats {
 /// Draws frames of a scene on a device.
 #[derive(Debug)]
 pub struct GpuRenderer<'a> {
-    context: Arc<Context>,
-    pipelines: Arc<Pipelines>,
-    timer: Option<Timer>,
     scene: Scene<'a>,
-    options: GpuOptions,
-    is_software: bool, // Whether the device runs on the processor.
     looks: Option<LookTables<'a>>,
-    kept_looks: Option<LookBuffers>, // Of the renderer before this one.
-    list: Option<Arc<LineList>>,
-    listed_slab: Option<usize>, // Index of the slab whose lines are on the device.
-    slabs: Vec<SlabBuffers>, // On the device: whole lanes, the last used last; or a slab of a lane that is too large.
-    buffers: FrameBuffers,
-    current: Compositor, // The compositor of the frame that is being drawn.
-    resolve: Option<ResolvePipeline>,
+    resident: Resident,
 }
 
 impl<'a> GpuRenderer<'a> {
@@ -189,46 +189,13 @@ impl<'a> GpuRenderer<'a> {
         scene: Scene<'a>,
         options: GpuOptions,
     ) -> Result<GpuRenderer<'a>> {
-        check_blends(&device, options.compositor)?;
-        #[cfg_attr(target_arch = "wasm32", expect(clippy::arc_with_non_send_sync, reason = "a page has one thread"))]
-        let context = Arc::new(Context::new(device, queue, in_flight(options.vram)));
-        let is_software = context.device.adapter_info().device_type == DeviceType::Cpu;
-        let (pipelines, timer) =
-            context.watch(async || Ok((Pipelines::new(&context.device), Timer::new(&context)?))).await?;
-        Ok(GpuRenderer {
-            context,
-            pipelines: Arc::new(pipelines),
-            timer,
-            scene,
-            options,
-            is_software,
-            looks: None,
-            kept_looks: None,
-            list: None,
-            listed_slab: None,
-            slabs: Vec::new(),
-            buffers: FrameBuffers::default(),
-            current: Compositor::Tiles,
-            resolve: None,
-        })
+        Ok(Resident::new(device, queue, options).await?.renderer(scene))
     }
 
     /// Lets go of the scene; what is on the device stays there for [`Resident::renderer`].
     pub fn into_resident(self) -> Resident {
-        Resident {
-            context: self.context,
-            pipelines: self.pipelines,
-            timer: self.timer,
-            options: self.options,
-            is_software: self.is_software,
-            looks: self.looks.map(|looks| looks.on_device).or(self.kept_looks),
-            list: self.list,
-            listed_slab: self.listed_slab,
-            slabs: self.slabs,
-            buffers: self.buffers,
-            current: self.current,
-            resolve: self.resolve,
-        }
+        let kept_looks = self.looks.map(|looks| looks.on_device).or(self.resident.kept_looks);
+        Resident { kept_looks, ..self.resident }
     }
 
     /// Changes the transfer function from the next frame on; lanes stay on the device.
@@ -240,10 +207,10 @@ impl<'a> GpuRenderer<'a> {
     /// Returns the compositor in use: that of the options, if there is one. Else it is tiles, or quads if the device is
     /// a processor, where one barrier of a tile takes as long as a hundred pixels (docs/studies/gpu.md).
     pub fn compositor(&self) -> Compositor {
-        let can_blend = self.context.device.features().contains(Features::FLOAT32_BLENDABLE);
-        let prefers_quads = self.is_software && can_blend;
+        let can_blend = self.resident.context.device.features().contains(Features::FLOAT32_BLENDABLE);
+        let prefers_quads = self.resident.is_software && can_blend;
         let default = if prefers_quads { Compositor::Quads(QuadFormat::Float32) } else { Compositor::Tiles };
-        self.options.compositor.unwrap_or(default)
+        self.resident.options.compositor.unwrap_or(default)
     }
 
     /// Changes the compositor from the next frame on; `None` for the one that is faster on the device.
@@ -251,12 +218,12 @@ impl<'a> GpuRenderer<'a> {
     /// # Errors
     /// [`Error::Device`] if the device cannot blend its format.
     pub fn set_compositor(&mut self, compositor: Option<Compositor>) -> Result<()> {
-        check_blends(&self.context.device, compositor)?;
-        self.options.compositor = compositor;
+        check_blends(&self.resident.context.device, compositor)?;
+        self.resident.options.compositor = compositor;
         // All buffers are freed, the list's included, so that the old compositor's do not count towards the budget.
-        self.buffers = FrameBuffers::default();
-        self.resolve = None;
-        self.listed_slab = None;
+        self.resident.buffers = FrameBuffers::default();
+        self.resident.resolve = None;
+        self.resident.listed_slab = None;
         Ok(())
     }
 
@@ -352,12 +319,12 @@ impl<'a> GpuRenderer<'a> {
             let why = format!("{name} is not for graphics devices; take the processor's renderer");
             return Err(Error::input("blending", why));
         }
-        let context = self.context.clone();
+        let context = self.resident.context.clone();
         let mut stats = GpuStats::default();
         // Tiles also draw pictures that are too large for the default's target.
         let fits = settings.size.into_iter().all(|side| side <= context.limits.max_texture_dimension_2d);
-        let has_choice = self.options.compositor.is_none();
-        self.current = if has_choice && !fits || shot.maximum { Compositor::Tiles } else { self.compositor() };
+        let has_choice = self.resident.options.compositor.is_none();
+        self.resident.current = if has_choice && !fits || shot.maximum { Compositor::Tiles } else { self.compositor() };
         let work = async || {
             let plan = self.plan(&shot, settings)?;
             self.prepare_looks(&shot, settings, &mut stats)?;
@@ -370,18 +337,19 @@ impl<'a> GpuRenderer<'a> {
             self.forget_device();
             return Err(fault);
         }
-        let slab_bytes: u64 = self.slabs.iter().map(SlabBuffers::bytes).sum();
-        stats.vram_bytes = self.looks().bytes() + slab_bytes + self.buffers.bytes();
+        let slab_bytes: u64 = self.resident.slabs.iter().map(SlabBuffers::bytes).sum();
+        stats.vram_bytes = self.looks().bytes() + slab_bytes + self.resident.buffers.bytes();
         stats.frame_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(stats)
     }
 
     /// Forgets everything on the device, since some of it may be wrong after an error.
     fn forget_device(&mut self) {
-        (self.looks, self.kept_looks, self.list, self.resolve) = (None, None, None, None);
-        self.slabs.clear();
-        self.buffers = FrameBuffers::default();
-        if let Some(timer) = &mut self.timer {
+        self.looks = None;
+        (self.resident.kept_looks, self.resident.list, self.resident.resolve) = (None, None, None);
+        self.resident.slabs.clear();
+        self.resident.buffers = FrameBuffers::default();
+        if let Some(timer) = &mut self.resident.timer {
             timer.passes.clear();
         }
     }
@@ -394,8 +362,8 @@ impl<'a> GpuRenderer<'a> {
     fn plan(&self, shot: &Shot, settings: &Settings) -> Result<MemoryPlan> {
         let uses_gradient = self.scene.transfer.uses_gradient() || shot.lane.shown.is_some();
         let table_bytes = LookTables::max_bytes(&shot.lane, uses_gradient);
-        let (ceiling, max_binding) = (self.options.vram, self.context.max_binding());
-        MemoryPlan::new(ceiling, max_binding, settings.size, table_bytes, shot.lane.channels, self.is_software)
+        let (ceiling, max_binding) = (self.resident.options.vram, self.resident.context.max_binding());
+        MemoryPlan::new(ceiling, max_binding, settings.size, table_bytes, shot.lane.channels, self.resident.is_software)
     }
 
     fn prepare_looks(&mut self, shot: &Shot, settings: &Settings, stats: &mut GpuStats) -> Result<()> {
@@ -404,8 +372,8 @@ impl<'a> GpuRenderer<'a> {
         if !self.looks.as_ref().is_some_and(|looks| hold(&looks.on_device)) {
             // The old tables are freed first: the budget counts one set of tables.
             self.looks = None;
-            let there = self.kept_looks.take().filter(hold);
-            self.looks = Some(LookTables::new(&self.context, &self.scene, shot, settings, there)?);
+            let there = self.resident.kept_looks.take().filter(hold);
+            self.looks = Some(LookTables::new(&self.resident.context, &self.scene, shot, settings, there)?);
         }
         stats.upload_ms += start.elapsed().as_secs_f64() * 1e3;
         Ok(())
@@ -414,57 +382,14 @@ impl<'a> GpuRenderer<'a> {
     fn prepare_list(&mut self, shot: &Shot, room: LaneSize, stats: &mut GpuStats) -> Result<Arc<LineList>> {
         let start = Instant::now();
         let key = list_key(&shot.order);
-        if let Some(list) = self.list.as_ref().filter(|list| (list.room, list.key) == (room, key)) {
+        if let Some(list) = self.resident.list.as_ref().filter(|list| (list.room, list.key) == (room, key)) {
             return Ok(list.clone());
         }
         let list = Arc::new(LineList::new(&shot.lane, &shot.order, room)?);
-        (self.list, self.listed_slab) = (Some(list.clone()), None);
+        (self.resident.list, self.resident.listed_slab) = (Some(list.clone()), None);
         stats.line_lists = 1;
         stats.line_list_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(list)
-    }
-}
-
-/// What a renderer keeps on a device from one scene to the next: lanes, pipelines, buffers.
-///
-/// A [`GpuRenderer`] borrows its scene. A window or a page that changes the transfer function while it owns the model keeps
-/// this between pictures.
-#[derive(Debug)]
-pub struct Resident {
-    context: Arc<Context>,
-    pipelines: Arc<Pipelines>,
-    timer: Option<Timer>,
-    options: GpuOptions,
-    is_software: bool,
-    looks: Option<LookBuffers>,
-    list: Option<Arc<LineList>>,
-    listed_slab: Option<usize>,
-    slabs: Vec<SlabBuffers>,
-    buffers: FrameBuffers,
-    current: Compositor,
-    resolve: Option<ResolvePipeline>,
-}
-
-impl Resident {
-    /// Returns a renderer of `scene`, which must have the same voxels as the scene before; its transfer function may be
-    /// another one.
-    pub fn renderer(self, scene: Scene<'_>) -> GpuRenderer<'_> {
-        GpuRenderer {
-            context: self.context,
-            pipelines: self.pipelines,
-            timer: self.timer,
-            scene,
-            options: self.options,
-            is_software: self.is_software,
-            looks: None,
-            kept_looks: self.looks,
-            list: self.list,
-            listed_slab: self.listed_slab,
-            slabs: self.slabs,
-            buffers: self.buffers,
-            current: self.current,
-            resolve: self.resolve,
-        }
     }
 }
 

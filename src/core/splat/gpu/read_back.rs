@@ -21,7 +21,7 @@ pub(super) async fn window(
     stats: &mut GpuStats,
 ) -> Result<()> {
     let start = Instant::now();
-    let (context, compositor) = (renderer.context.clone(), renderer.current);
+    let (context, compositor) = (renderer.resident.context.clone(), renderer.resident.current);
     let [width, height] = size;
     let (target, pitch) = match compositor {
         Compositor::Tiles => (QuadFormat::Float32, 16 * width),
@@ -29,7 +29,7 @@ pub(super) async fn window(
         Compositor::Quads(target) => (target, (target.pixel_bytes() * width).next_multiple_of(256)),
     };
     let bytes = u64::from(pitch) * u64::from(height);
-    let buffers = &mut renderer.buffers;
+    let buffers = &mut renderer.resident.buffers;
     let back = buffers.make(&context, BufferName::ReadBack, bytes)?;
     let mut encoder = context.encoder("read back");
     match compositor {
@@ -43,7 +43,7 @@ pub(super) async fn window(
             encoder.copy_texture_to_buffer(buffers.target().as_image_copy(), to, size);
         }
     }
-    if let Some(timer) = &renderer.timer {
+    if let Some(timer) = &renderer.resident.timer {
         timer.resolve(&mut encoder);
     }
     context.submit([encoder.finish()])?;
@@ -58,7 +58,7 @@ pub(super) async fn window(
         }
     };
     context.read(&back, bytes, finish).await?;
-    if let Some(timer) = &mut renderer.timer {
+    if let Some(timer) = &mut renderer.resident.timer {
         let [walk, project, bin, composite] = timer.read(&context).await?;
         stats.walk_ms += walk;
         stats.project_ms += project;

@@ -47,19 +47,19 @@ pub(super) type ResolvePipeline = ((TextureFormat, bool), RenderPipeline);
 
 /// Draws the pixels of `window` (first column and row, one past the last column and row) into `target`.
 pub(super) fn window(renderer: &mut GpuRenderer, window: [i32; 4], target: &RenderTarget) -> Result<()> {
-    let context = renderer.context.clone();
+    let context = renderer.resident.context.clone();
     let device = &context.device;
-    let is_buffer = renderer.current == Compositor::Tiles;
+    let is_buffer = renderer.resident.current == Compositor::Tiles;
     let key = (target.format, is_buffer);
-    if renderer.resolve.as_ref().is_none_or(|(made_for, _)| *made_for != key) {
+    if renderer.resident.resolve.as_ref().is_none_or(|(made_for, _)| *made_for != key) {
         let module = shader_module(device, "resolve", RESOLVE);
         let entries = ["corner", if is_buffer { "from_buffer" } else { "from_target" }];
         let colour = ColorTargetState { format: target.format, blend: None, write_mask: ColorWrites::ALL };
         let pipeline =
             render_pipeline(device, "resolve", &module, entries, PrimitiveTopology::TriangleList, colour, &[]);
-        renderer.resolve = Some((key, pipeline));
+        renderer.resident.resolve = Some((key, pipeline));
     }
-    let (_, pipeline) = renderer.resolve.as_ref().expect("it was just made");
+    let (_, pipeline) = renderer.resident.resolve.as_ref().expect("it was just made");
     let table = &renderer.looks().table;
     let mode = renderer.looks().on_device.mode;
     let [red, green, blue] = target.background.unwrap_or_default();
@@ -74,10 +74,10 @@ pub(super) fn window(renderer: &mut GpuRenderer, window: [i32; 4], target: &Rend
     };
     let uniform = buffer("resolve", bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM);
     let ramp = buffer("ramp", bytemuck::cast_slice(&ramp), BufferUsages::STORAGE);
-    let quads = (!is_buffer).then(|| renderer.buffers.target().create_view(&Default::default()));
+    let quads = (!is_buffer).then(|| renderer.resident.buffers.target().create_view(&Default::default()));
     let pixels = match &quads {
         Some(quads) => BindingResource::TextureView(quads),
-        None => renderer.buffers.get(BufferName::Pixels).as_entire_binding(),
+        None => renderer.resident.buffers.get(BufferName::Pixels).as_entire_binding(),
     };
     let resources = [uniform.as_entire_binding(), ramp.as_entire_binding(), pixels];
     let group = bind(device, &pipeline.get_bind_group_layout(0), resources);

@@ -29,6 +29,8 @@ pub(crate) struct SlabBuffers {
     pub(crate) axis: Axis,
     pub(crate) is_whole: bool,       // Whether the slab is the whole lane.
     pub(crate) buffers: [Buffer; 6], // In the order of [`NAMES`].
+    /// How many records are neither in memory nor have arrived on the device.
+    pub(crate) missing: u64,
 }
 
 /// The bytes of each buffer of a slab, in the order of [`NAMES`].
@@ -91,18 +93,21 @@ fn runs<'a>(lane: &'a Lane, tiles: &'a [u32]) -> impl Iterator<Item = LaneRun> +
 }
 
 impl SlabBuffers {
-    /// Creates the buffers of a slab of the lane along `axis`; their content is not set yet.
-    pub(crate) fn new(context: &Context, axis: Axis, is_whole: bool, sizes: SlabSizes) -> Result<SlabBuffers> {
+    /// Creates the buffers of a slab of `lane`, filled with zeros.
+    pub(crate) fn new(context: &Context, lane: &Lane, is_whole: bool, sizes: SlabSizes) -> Result<SlabBuffers> {
         let named = NAMES.into_iter().zip(sizes);
         let buffers: Vec<_> = named.map(|(name, bytes)| context.buffer(name, bytes, STORAGE)).collect::<Result<_>>()?;
-        Ok(SlabBuffers { axis, is_whole, buffers: buffers.try_into().expect("as many as there are names") })
+        let buffers = buffers.try_into().expect("as many as there are names");
+        let missing = lane.elsewhere.map_or(0, |elsewhere| elsewhere.records);
+        Ok(SlabBuffers { axis: lane.axis, is_whole, buffers, missing })
     }
 
     pub(crate) fn bytes(&self) -> u64 {
         self.buffers.iter().map(Buffer::size).sum()
     }
 
-    /// Fills the buffers with `tiles` of `lane`; returns the bytes that were copied.
+    /// Fills the buffers with `tiles` of `lane`; returns the bytes that were copied. Channels that are not in memory stay as
+    /// they are.
     pub(crate) fn upload(&self, context: &Context, lane: &Lane, tiles: &[u32]) -> Result<u64> {
         let writer = |buffer| BufferWriter { context, buffer, gathered: Vec::new(), written: 0 };
         let mut writers = self.buffers.each_ref().map(writer);
@@ -128,6 +133,9 @@ impl SlabBuffers {
                 writers[part].push(&patch[within(patch, from.max(border) - border, to.max(border) - border)])
             };
             copy(1, &run.lines)?;
+            if lane.elsewhere.is_some() {
+                continue;
+            }
             for first in run.records.clone().step_by(PAGER_RECORDS as usize) {
                 let records = first..run.records.end.min(first + PAGER_RECORDS);
                 lane.about_to_read(records.start as usize..records.end as usize);

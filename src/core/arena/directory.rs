@@ -1,0 +1,260 @@
+//! The directory of a file on a server: all of it but the channels, which a graphics device can hold alone.
+//!
+//! In: the beginning of an `.adj` file, then the bytes that the directory asks for. Out: an arena with header, description,
+//! tiles and line ends; which bytes of the file are the channels of a lane, in parts; and checks of what was fetched.
+
+use std::mem::size_of;
+use std::ops::{Range, RangeInclusive};
+
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+use zerocopy::byteorder::little_endian::{U32, U64};
+use zerocopy::{FromBytes as _, IntoBytes as _};
+
+use super::codes::CodeCounts;
+use super::lane::Elsewhere;
+use super::layout::{Facts, FileHeader, MAX_SECTIONS, SectionEntry, aligned, header_checksum};
+use super::open::{Arena, Head, sections_within};
+use crate::error::{Error, FormatFault, Result};
+use crate::limits::Limits;
+use crate::volume::Axis;
+
+/// What a file holds beside the channels of its lanes, and where these lie in the file.
+#[derive(Debug, Clone)]
+pub struct Directory {
+    /// An `.adj` file without channels, as far as it has arrived.
+    bytes: Vec<u8>,
+    whole: u64,
+    runs: Vec<Run>,
+    facts: Facts,
+    channels: [Option<[Channel; 4]>; 3],
+}
+
+/// Neighbouring sections: where they lie in the file, and from where on in the directory.
+#[derive(Debug, Clone)]
+struct Run {
+    range: Range<u64>,
+    at: u64,
+}
+
+/// Where a channel lies in the file; the length is 0 if it is not stored.
+#[derive(Debug, Clone, Copy, Default)]
+struct Channel {
+    offset: u64,
+    bytes: u64,
+    width: u64,
+    xxh3: u64,
+}
+
+/// Some neighbouring records of a lane.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LanePart {
+    /// The index of the first record: a multiple of 4.
+    pub first: u64,
+    /// The bytes of the file with their steps, values, normals and magnitudes; empty for channels that are not stored.
+    pub ranges: [Range<u64>; 4],
+}
+
+impl Directory {
+    /// This many bytes from the beginning of a file, or all of a shorter file, are enough for [`Directory::new`].
+    pub const HEAD: u64 = (size_of::<FileHeader>() + MAX_SECTIONS as usize * size_of::<SectionEntry>()) as u64;
+
+    /// Reads `head`, the first [`Directory::HEAD`] bytes of a file of `file_bytes` bytes. Allocates no more than they take.
+    ///
+    /// # Errors
+    /// [`Error::Format`] and [`Error::Limit`], which name the file as `name`.
+    pub fn new(head: &[u8], file_bytes: u64, limits: &Limits, name: &str) -> Result<Directory> {
+        // Sections of kinds that this version does not know are left out, as nothing reads them.
+        let is_kept = |entry: &SectionEntry| entry.known_kind().is_some_and(|kind| !kind.is_channel());
+        Directory::with(head, file_bytes, limits, name, is_kept)
+    }
+
+    /// The same for a directory of the lane along x alone, together with its channels: once it has arrived it is a file from
+    /// which the other lanes can be derived, [`Directory::into_bytes`].
+    ///
+    /// # Errors
+    /// The errors of [`Directory::new`].
+    pub fn first_lane(head: &[u8], file_bytes: u64, limits: &Limits, name: &str) -> Result<Directory> {
+        let is_of_lane = |entry: &SectionEntry| entry.lane_axis().is_none_or(|axis| axis == Axis::X);
+        let is_kept = |entry: &SectionEntry| entry.known_kind().is_some() && is_of_lane(entry);
+        Directory::with(head, file_bytes, limits, name, is_kept)
+    }
+
+    fn with(
+        head: &[u8],
+        file_bytes: u64,
+        limits: &Limits,
+        name: &str,
+        is_kept: impl Fn(&SectionEntry) -> bool,
+    ) -> Result<Directory> {
+        let wrong = |fault: FormatFault| Error::Format { path: name.into(), fault };
+        let head = Head::new(head, file_bytes).map_err(wrong)?;
+        sections_within(&head.facts, head.table, file_bytes, name.as_ref(), limits)?;
+        let channels = Axis::ALL.map(|axis| {
+            let places = head.lane(axis).ok().flatten()?;
+            let channel = |place: Option<usize>| {
+                place.map_or(Channel::default(), |index| {
+                    let SectionEntry { offset, bytes, element_bytes, xxh3, .. } = head.table[index];
+                    Channel { offset: offset.get(), bytes: bytes.get(), width: element_bytes.into(), xxh3: xxh3.get() }
+                })
+            };
+            let [.., steps, values, normals, magnitudes] = places.map(channel);
+            Some([steps, values, normals, magnitudes])
+        });
+        let old: Vec<SectionEntry> = head.table.iter().filter(|entry| is_kept(entry)).copied().collect();
+        let mut table = old.clone();
+        let mut whole = aligned((size_of::<FileHeader>() + size_of_val(&table[..])) as u64);
+        for entry in &mut table {
+            entry.offset = U64::new(whole);
+            whole = aligned(whole + entry.bytes.get());
+        }
+        let mut header = head.header;
+        header.section_count = U32::new(u32::try_from(table.len()).expect("at most as many as there were"));
+        header.file_bytes = U64::new(whole);
+        header.header_xxh3 = U64::new(header_checksum(&header, &table));
+        let runs = joined(old.iter().zip(&table).map(|(old, new)| {
+            let (start, at) = (old.offset.get(), new.offset.get());
+            Run { range: start..start + old.bytes.get(), at }
+        }));
+        let bytes = [header.as_bytes(), table.as_bytes()].concat();
+        Ok(Directory { bytes, whole, runs, facts: head.facts, channels })
+    }
+
+    /// Returns the next bytes of the file that the directory lacks, at most `most` of them; `None` once it is complete.
+    pub fn wanted(&self, most: u64) -> Option<Range<u64>> {
+        let have = self.bytes.len() as u64;
+        let Run { range, at } = self.next_run()?;
+        let start = range.start + have.saturating_sub(*at);
+        Some(start..range.end.min(start.saturating_add(most)))
+    }
+
+    /// Returns the bytes that have arrived and those that the directory has in the end.
+    pub fn progress(&self) -> [u64; 2] {
+        [self.bytes.len() as u64, self.whole]
+    }
+
+    fn next_run(&self) -> Option<&Run> {
+        let have = self.bytes.len() as u64;
+        self.runs.iter().find(|run| have < run.at + (run.range.end - run.range.start))
+    }
+
+    /// Takes the bytes that were [wanted](Directory::wanted), or the first of them.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn append(&mut self, bytes: &[u8]) -> Result<()> {
+        let at = self.next_run().map_or(0, |run| run.at);
+        let start = usize::try_from(at).unwrap_or(usize::MAX).max(self.bytes.len());
+        let need = (start - self.bytes.len()).saturating_add(bytes.len());
+        let refused = |_| Error::out_of_memory("a file's directory", need as u64);
+        self.bytes.try_reserve(need).map_err(refused)?;
+        self.bytes.resize(start, 0);
+        self.bytes.extend_from_slice(bytes);
+        Ok(())
+    }
+
+    /// Checks that every section has the content that the header says.
+    ///
+    /// # Errors
+    /// [`Error::Input`], which names the file as `name`.
+    pub fn check(&self, name: &str) -> Result<()> {
+        let codes = CodeCounts::default();
+        let arena = self.arena(&codes);
+        let is_sound = |entry: &SectionEntry| xxh3_64(arena.section_bytes(entry)) == entry.xxh3.get();
+        let is_complete = self.wanted(1).is_none();
+        if is_complete && arena.sections().iter().all(is_sound) { Ok(()) } else { Err(changed(name)) }
+    }
+
+    /// Returns the bytes of an `.adj` file: of its first lane if the directory has that, else one without channels.
+    pub fn into_bytes(mut self) -> Vec<u8> {
+        self.bytes.resize(usize::try_from(self.whole).unwrap_or(usize::MAX).max(self.bytes.len()), 0);
+        self.bytes
+    }
+
+    /// Returns whether the file stores the lane along `axis`.
+    pub fn has_lane(&self, axis: Axis) -> bool {
+        self.channels[axis.index()].is_some()
+    }
+
+    /// Returns the number of records in the lane along `axis`; 0 if the file does not store it.
+    pub fn records(&self, axis: Axis) -> u64 {
+        self.channels[axis.index()].map_or(0, |[steps, ..]| steps.bytes)
+    }
+
+    /// Cuts the channels of the lane along `axis` into parts. The first has about `sizes.start()` bytes, each other one twice
+    /// as many as the one before, up to `sizes.end()`; at least those of four records.
+    pub fn parts(&self, axis: Axis, sizes: RangeInclusive<u64>) -> Vec<LanePart> {
+        let channels = self.channels[axis.index()].unwrap_or_default();
+        let record_bytes: u64 = channels.iter().map(|channel| channel.width).sum();
+        let (mut parts, mut first, mut size) = (Vec::new(), 0, *sizes.start());
+        while first < self.records(axis) {
+            let count = (size / record_bytes).next_multiple_of(4).max(4);
+            let end = self.records(axis).min(first.saturating_add(count));
+            let range = |channel: Channel| {
+                let at = |record: u64| channel.offset + record * channel.width;
+                if channel.width == 0 { 0..0 } else { at(first)..at(end) }
+            };
+            parts.push(LanePart { first, ranges: channels.map(range) });
+            (first, size) = (end, size.saturating_mul(2).min(*sizes.end()));
+        }
+        parts
+    }
+
+    /// Returns a check of the channels of the lane along `axis`, which arrive in parts.
+    pub fn channel_check(&self, axis: Axis) -> ChannelCheck {
+        let stored = self.channels[axis.index()].unwrap_or_default();
+        ChannelCheck { hashes: [const { Xxh3::new() }; 4], wanted: stored.map(|channel| channel.xxh3) }
+    }
+
+    /// Returns the arena: its lanes have tiles and line ends, but no channels; `codes` counts what these hold.
+    pub(crate) fn arena<'a>(&'a self, codes: &'a CodeCounts) -> Arena<'a> {
+        let (header, after) = FileHeader::ref_from_prefix(&self.bytes).expect("it was written by `new`");
+        let count = header.section_count.get() as usize;
+        let (table, _) = <[SectionEntry]>::ref_from_prefix_with_elems(after, count).expect("it was written by `new`");
+        let elsewhere = self.channels.map(|lane| lane.map(|[steps, ..]| Elsewhere { records: steps.bytes, codes }));
+        Arena::of_directory(&self.bytes, self.facts.clone(), table, header.header_xxh3.get(), elsewhere)
+    }
+}
+
+/// Checks channels whose bytes arrive in parts.
+pub struct ChannelCheck {
+    hashes: [Xxh3; 4],
+    wanted: [u64; 4],
+}
+
+impl ChannelCheck {
+    /// Takes the steps, values, normals and magnitudes of the next part.
+    pub fn add(&mut self, channels: [&[u8]; 4]) {
+        self.hashes.iter_mut().zip(channels).for_each(|(hash, bytes)| hash.update(bytes));
+    }
+
+    /// Checks that all channels have the content that the header says.
+    ///
+    /// # Errors
+    /// [`Error::Input`], which names the file as `name`.
+    pub fn finish(&self, name: &str) -> Result<()> {
+        // A channel that is not stored has no checksum.
+        let is_sound = |(hash, wanted): (&Xxh3, &u64)| *wanted == 0 || hash.digest() == *wanted;
+        if self.hashes.iter().zip(&self.wanted).all(is_sound) { Ok(()) } else { Err(changed(name)) }
+    }
+}
+
+fn changed(name: &str) -> Error {
+    Error::input(name, "is damaged, or changed while it was fetched; load it again, or run adj verify on the file")
+}
+
+/// Joins runs that follow one another, with only padding between them, at both places.
+fn joined(runs: impl Iterator<Item = Run>) -> Vec<Run> {
+    let mut joined: Vec<Run> = Vec::new();
+    for run in runs {
+        match joined.last_mut() {
+            Some(last)
+                if aligned(last.range.end) == run.range.start
+                    && run.at - last.at == run.range.start - last.range.start =>
+            {
+                last.range.end = run.range.end;
+            }
+            _ => joined.push(run),
+        }
+    }
+    joined
+}

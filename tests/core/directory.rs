@@ -1,0 +1,230 @@
+//! A file's directory: all but the channels, fetched in few parts, and checks of what was fetched.
+
+use std::sync::Arc;
+
+use adjsplat::arena::layout::{FileHeader, SectionEntry, header_checksum};
+use adjsplat::arena::{Arena, CodeCounts, Directory};
+use adjsplat::limits::Limits;
+use adjsplat::splat::{Orbit, Settings};
+use adjsplat::traverse::Viewpoint;
+use adjsplat::volume::Axis;
+use adjsplat::{Build, Model, TransferFunction, Volume};
+use zerocopy::{FromBytes as _, IntoBytes as _};
+
+/// An .adj file of a ball with the lanes x, y and z.
+fn file() -> Vec<u8> {
+    let at = |i: u16| [i % 20, i / 20 % 24, i / 480].map(|c| f32::from(c) - 10.0);
+    let value = |i: u16| 200.0 - 18.0 * at(i).iter().map(|c| c * c).sum::<f32>().sqrt();
+    let volume = Volume::new([20, 24, 22], (0..20 * 24 * 22).map(value).collect::<Vec<_>>()).unwrap();
+    let model = Build::new(TransferFunction::range(60.0, 255.0).unwrap()).run(&volume).unwrap();
+    model.arena().unwrap().bytes().to_vec()
+}
+
+fn begun(file: &[u8]) -> Directory {
+    let head = &file[..file.len().min(usize::try_from(Directory::HEAD).unwrap())];
+    Directory::new(head, file.len() as u64, &Limits::default(), "ball.adj").unwrap()
+}
+
+fn bytes_of(file: &[u8], range: &std::ops::Range<u64>) -> Vec<u8> {
+    file[usize::try_from(range.start).unwrap()..usize::try_from(range.end).unwrap()].to_vec()
+}
+
+/// The directory, and how many requests it took.
+fn fetched(file: &[u8], most: u64) -> (Directory, usize) {
+    let (mut directory, mut requests) = (begun(file), 0);
+    while let Some(range) = directory.wanted(most) {
+        assert!(range.end - range.start <= most);
+        directory.append(&bytes_of(file, &range)).unwrap();
+        requests += 1;
+    }
+    (directory, requests)
+}
+
+#[test]
+fn it_has_the_files_header_description_tiles_and_line_ends() {
+    let whole = file();
+    let arena = Arena::new(&whole).unwrap();
+    let (directory, requests) = fetched(&whole, u64::MAX);
+    assert_eq!(requests, 3, "the lanes' directories, and what is beside the first");
+    directory.check("ball.adj").unwrap();
+    for most in [1, 100, 1_000] {
+        assert_eq!(fetched(&whole, most).0.progress(), directory.progress(), "{most}");
+        fetched(&whole, most).0.check("ball.adj").unwrap();
+    }
+    let model = Model::from_directory(Arc::new(directory), CodeCounts::default(), "ball.adj").unwrap();
+    let part = model.arena().unwrap();
+    assert!(part.bytes().len() * 10 < whole.len() * 3, "{} of {}", part.bytes().len(), whole.len());
+    assert_eq!(part.facts(), arena.facts());
+    assert_eq!(part.description(), arena.description());
+    for axis in Axis::ALL {
+        let [want, got] = [&arena, &part].map(|arena| arena.lane(axis).unwrap());
+        assert_eq!(want.tiles, got.tiles);
+        assert_eq!(want.line_ends.as_bytes(), got.line_ends.as_bytes());
+        assert_eq!((want.record_count(), want.bytes(), want.bounds()), (got.record_count(), got.bytes(), got.bounds()));
+        assert!(got.steps.is_empty());
+    }
+}
+
+#[test]
+fn parts_are_the_channels_of_a_lane() {
+    let whole = file();
+    let arena = Arena::new(&whole).unwrap();
+    let (directory, _) = fetched(&whole, u64::MAX);
+    for axis in Axis::ALL {
+        let lane = arena.lane(axis).unwrap();
+        let parts = directory.parts(axis, 300..=1_000);
+        assert!(parts.len() > 8, "{parts:?}");
+        let (mut channels, mut counts) = ([const { Vec::new() }; 4], CodeCounts::default());
+        let mut check = directory.channel_check(axis);
+        for part in &parts {
+            let bytes = part.ranges.each_ref().map(|range| bytes_of(&whole, range));
+            assert_eq!(part.first, channels[0].len() as u64);
+            assert!(part.first.is_multiple_of(4) && bytes.iter().map(Vec::len).sum::<usize>() <= 1_016);
+            let slices = bytes.each_ref().map(|bytes| &bytes[..]);
+            check.add(slices);
+            counts.add(lane.channels, slices);
+            channels.iter_mut().zip(slices).for_each(|(all, bytes)| all.extend_from_slice(bytes));
+        }
+        check.finish("ball.adj").unwrap();
+        assert_eq!(
+            channels.each_ref().map(|bytes| &bytes[..]),
+            [lane.steps, lane.values, lane.normals, lane.magnitudes]
+        );
+        assert_eq!(counts, CodeCounts::of(&lane));
+        assert_eq!(counts.largest(), lane.largest_value_code());
+        assert_eq!(counts.by_value().iter().sum::<u64>(), arena.facts().visible_voxels);
+    }
+}
+
+#[test]
+fn the_first_lane_alone_is_a_valid_file_that_draws_the_same_pictures() {
+    let whole = file();
+    let head = &whole[..usize::try_from(Directory::HEAD).unwrap()];
+    let mut lane = Directory::first_lane(head, whole.len() as u64, &Limits::default(), "ball.adj").unwrap();
+    while let Some(range) = lane.wanted(5_000) {
+        lane.append(&bytes_of(&whole, &range)).unwrap();
+    }
+    lane.check("ball.adj").unwrap();
+    let part = lane.into_bytes();
+    assert!(part.len() * 100 < 45 * whole.len(), "{} of {}", part.len(), whole.len());
+    Arena::new(&part).unwrap().check().unwrap();
+    let (all, one) = (Model::from_bytes(whole).unwrap(), Model::from_bytes(part).unwrap());
+    assert_eq!((all.grid(), all.transfer()), (one.grid(), one.transfer()));
+    for (azimuth, elevation) in [(0.0, 0.0), (90.0, 10.0), (20.0, 80.0)] {
+        let (orbit, settings) = (Orbit { azimuth, elevation, ..Orbit::default() }, Settings::new([60, 50]));
+        let picture = |model: &Model| model.render(&orbit, &settings).unwrap();
+        assert!(picture(&all).pixels() == picture(&one).pixels(), "{azimuth} {elevation}");
+    }
+}
+
+#[test]
+fn what_is_not_in_memory_is_neither_walked_nor_drawn_nor_saved() {
+    let (directory, _) = fetched(&file(), u64::MAX);
+    let model = Model::from_directory(Arc::new(directory), CodeCounts::default(), "ball.adj").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ball.adj");
+    let faults = [
+        model.walk(&Viewpoint::parallel([0.3, 0.5, 0.8]).unwrap(), |_| ()).unwrap_err(),
+        model.render(&Orbit::default(), &Settings::new([40, 40])).unwrap_err(),
+        model.save(&path).unwrap_err(),
+    ];
+    for fault in faults {
+        assert!(fault.to_string().contains("only a graphics device has them"), "{fault}");
+    }
+    assert!(!path.exists());
+}
+
+#[test]
+fn a_file_that_changed_is_noticed() {
+    let whole = file();
+    let (directory, _) = fetched(&whole, u64::MAX);
+    let arena = Arena::new(&whole).unwrap();
+    let place = |bytes: &[u8]| bytes.as_ptr() as usize - whole.as_ptr() as usize;
+    let lane = arena.lane(Axis::Y).unwrap();
+    let changed = |at: usize| {
+        let mut changed = whole.clone();
+        changed[at + 3] ^= 1;
+        changed
+    };
+    for at in [place(lane.tiles.as_bytes()), place(lane.line_ends.as_bytes()), place(arena.description())] {
+        let fault = fetched(&changed(at), u64::MAX).0.check("ball.adj").unwrap_err().to_string();
+        assert!(fault.starts_with("ball.adj: ") && fault.contains("changed while it was fetched"), "{fault}");
+    }
+    for channel in [lane.steps, lane.values, lane.normals] {
+        let changed = changed(place(channel));
+        let mut check = directory.channel_check(Axis::Y);
+        for part in directory.parts(Axis::Y, 999..=999) {
+            let bytes = part.ranges.each_ref().map(|range| bytes_of(&changed, range));
+            check.add(bytes.each_ref().map(|bytes| &bytes[..]));
+        }
+        assert!(check.finish("ball.adj").unwrap_err().to_string().contains("changed while"));
+    }
+}
+
+#[test]
+fn channels_of_other_lengths_and_an_absent_lane_are_refused_before_anything_is_fetched() {
+    let whole = file();
+    let entries = |kept: &dyn Fn(usize) -> bool, cut: Option<usize>| {
+        let (mut header, after) = FileHeader::read_from_prefix(&whole).unwrap();
+        let count = header.section_count.get() as usize;
+        let (table, _) = <[SectionEntry]>::ref_from_prefix_with_elems(after, count).unwrap();
+        let mut table: Vec<SectionEntry> = (0..count).filter(|&index| kept(index)).map(|index| table[index]).collect();
+        let mut end = whole.len() as u64;
+        if let Some(cut) = cut {
+            let entry = &mut table[cut];
+            entry.bytes.set(entry.bytes.get() - u64::from(entry.element_bytes));
+        } else {
+            end = 256 + 32 * table.len() as u64;
+            for entry in &mut table {
+                entry.offset.set(end.next_multiple_of(256));
+                end = entry.offset.get() + entry.bytes.get();
+            }
+            end = end.next_multiple_of(256);
+        }
+        header.section_count.set(u32::try_from(table.len()).unwrap());
+        header.file_bytes.set(end);
+        header.header_xxh3.set(header_checksum(&header, &table));
+        let head = [header.as_bytes(), table.as_bytes()].concat();
+        Directory::new(&head, end, &Limits::default(), "ball.adj").map(|_| ()).unwrap_err().to_string()
+    };
+    // Sections: the description, then tiles, line ends, steps, values and normals of lane x.
+    for (cut, rule) in [(3, "R11"), (4, "R11"), (5, "R11")] {
+        let fault = entries(&|_| true, Some(cut));
+        assert!(fault.starts_with("ball.adj") && fault.contains(rule), "{cut}: {fault}");
+    }
+    for fault in [entries(&|index| index == 0, None), entries(&|index| index != 1, None)] {
+        assert!(fault.starts_with("ball.adj"), "{fault}");
+    }
+}
+
+#[test]
+fn a_wrong_length_a_cut_head_and_what_exceeds_the_limits_are_named() {
+    let whole = file();
+    let fault = |head: &[u8], len: u64, limits: &Limits| {
+        Directory::new(head, len, limits, "ball.adj").map(|_| ()).unwrap_err().to_string()
+    };
+    let (len, any) = (whole.len() as u64, Limits::default());
+    assert!(fault(&whole, len + 1, &any).contains("was cut or grew"));
+    assert!(fault(&whole[..100], len, &any).contains("a header of 256 bytes"));
+    assert!(fault(&whole[..300], len, &any).contains("a table of"));
+    assert!(fault(b"<!doctype html>", 15, &any).starts_with("ball.adj"));
+    let small = fault(&whole, len, &Limits::default().with_file_bytes(len - 1));
+    assert!(small.starts_with("ball.adj") && small.contains("file bytes"), "{small}");
+}
+
+/// A length near 2^64 overflowed where the next section's place was computed.
+#[test]
+fn a_file_that_claims_almost_2_to_the_64_bytes_is_refused() {
+    let whole = file();
+    let (mut header, after) = FileHeader::read_from_prefix(&whole).unwrap();
+    let count = header.section_count.get() as usize;
+    let (table, _) = <[SectionEntry]>::ref_from_prefix_with_elems(after, count).unwrap();
+    let mut table = table.to_vec();
+    let last = table.last_mut().unwrap();
+    last.bytes.set(u64::MAX - 10 - last.offset.get());
+    header.file_bytes.set(u64::MAX);
+    header.header_xxh3.set(header_checksum(&header, &table));
+    let head = [header.as_bytes(), table.as_bytes()].concat();
+    let fault = Directory::new(&head, u64::MAX, &Limits::default(), "ball.adj").map(|_| ()).unwrap_err().to_string();
+    assert!(fault.starts_with("ball.adj") && fault.contains("R5"), "{fault}");
+}

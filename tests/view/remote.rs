@@ -1,0 +1,227 @@
+//! Files whose voxels only the device holds: fetched when a picture needs them, drawn and picked like others.
+
+use std::ops::Range;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use adjsplat::arena::Directory;
+use adjsplat::error::Error;
+use adjsplat::limits::Limits;
+use adjsplat::splat::Quality;
+use adjsplat::traverse::VoxelBox;
+use adjsplat::{Model, TransferFunction};
+use adjsplat_tests::files::skipped;
+use adjsplat_view::draw::Canvas;
+use adjsplat_view::look::{Eye, Look};
+use adjsplat_view::pick::Ray;
+use adjsplat_view::remote::{Reading, Remote, Source};
+use egui::Context;
+use glam::DVec3;
+
+use super::{PATIENCE, decibels, file};
+
+const SIZE: [u32; 2] = [160, 120];
+
+/// A file in memory that counts how often it is read.
+#[derive(Clone)]
+struct Memory {
+    bytes: Arc<Mutex<Vec<u8>>>,
+    reads: Arc<AtomicUsize>,
+    delay: Duration,
+}
+
+impl Memory {
+    fn new(path: &Path, delay: Duration) -> Memory {
+        Memory { bytes: Arc::new(Mutex::new(std::fs::read(path).unwrap())), reads: Arc::default(), delay }
+    }
+
+    fn bytes(&self, range: &Range<u64>) -> Vec<u8> {
+        self.bytes.lock().unwrap()[range.start as usize..range.end as usize].to_vec()
+    }
+
+    fn remote(&self) -> Arc<Remote> {
+        let whole = self.bytes.lock().unwrap().clone();
+        let head = &whole[..whole.len().min(Directory::HEAD as usize)];
+        let mut directory = Directory::new(head, whole.len() as u64, &Limits::default(), "ball.adj").unwrap();
+        while let Some(range) = directory.wanted(u64::MAX) {
+            directory.append(&self.bytes(&range)).unwrap();
+        }
+        Arc::new(Remote::new("ball.adj", Arc::new(directory), self.clone(), 0, &Context::default()))
+    }
+}
+
+impl Source for Memory {
+    fn read(&self, ranges: Vec<Range<u64>>) -> Reading<'_> {
+        self.reads.fetch_add(1, Ordering::Relaxed);
+        std::thread::sleep(self.delay);
+        Box::pin(std::future::ready(Ok(ranges.iter().map(|range| self.bytes(range)).collect())))
+    }
+}
+
+fn look(model: &Model, azimuth: f64, elevation: f64) -> Look {
+    let mut look = Look::first(model, model.bounds().unwrap(), [20, 30, 40], SIZE).unwrap();
+    (look.eye.azimuth, look.eye.elevation) = (azimuth, elevation);
+    look
+}
+
+fn has_device() -> bool {
+    let opened = pollster::block_on(adjsplat::splat::gpu::adapter::open_async(None));
+    if opened.is_err() {
+        skipped("ADJ_GPU", "there is no graphics device");
+    }
+    opened.is_ok()
+}
+
+fn wait(what: &str, holds: impl Fn() -> bool) {
+    let start = Instant::now();
+    while !holds() {
+        assert!(start.elapsed() < PATIENCE, "{what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+#[test]
+fn lanes_are_fetched_when_a_picture_needs_them_and_others_stand_in_meanwhile() {
+    if !has_device() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path());
+    let whole = Model::open(&path).unwrap();
+    let memory = Memory::new(&path, Duration::from_millis(150));
+    let remote = memory.remote();
+    let (canvas, judge) = (Canvas::new(Some(remote.clone())), Canvas::default());
+    let picture = |canvas: &Canvas, model: &Model, look: &Look| {
+        pollster::block_on(canvas.picture(model, look, SIZE, Quality::Standard)).unwrap().0
+    };
+    let model = remote.model().unwrap();
+    let first = look(&model, 0.0, 0.0);
+    canvas.begin(&model, &first, SIZE).unwrap();
+    assert!(remote.fetching().is_some() && !remote.has_arrived());
+    wait("the first lane", || remote.fetching().is_none());
+    assert!(remote.has_arrived() && remote.has_news() && !remote.has_news());
+    let model = remote.model().unwrap();
+    assert!(picture(&canvas, &model, &first) == picture(&judge, &whole, &first));
+    let one = remote.fetched();
+    assert!(memory.reads.load(Ordering::Relaxed) == 1 && one * 100 < 40 * path.metadata().unwrap().len());
+
+    let mut reads = 1;
+    for (azimuth, elevation) in [(85.0, 5.0), (5.0, 70.0)] {
+        let turned = look(&model, azimuth, elevation);
+        let want = picture(&judge, &whole, &turned);
+        // Another lane stands in: near, but not the same.
+        let stand_in = picture(&canvas, &model, &turned);
+        if remote.fetching().is_some() {
+            let near = decibels(&stand_in, &want);
+            assert!(near > 20.0, "{near} dB");
+            reads += 1;
+        }
+        wait("the next lane", || remote.fetching().is_none());
+        assert!(picture(&canvas, &model, &turned) == want, "{azimuth}");
+        assert_eq!(memory.reads.load(Ordering::Relaxed), reads);
+    }
+    assert!(reads > 1 && remote.fetched() > one);
+    // A saved turn waits for what it needs.
+    let canvas = Canvas::new(Some(memory.remote()));
+    for azimuth in [0.0, 85.0] {
+        let look = look(&model, azimuth, 5.0);
+        let settings = look.settings(model.grid(), SIZE, Quality::Standard).unwrap();
+        let camera = look.eye.camera().unwrap();
+        let [got, want] = [(&canvas, &model), (&judge, &whole)]
+            .map(|(canvas, model)| pollster::block_on(canvas.frame(model, &camera, &settings)).unwrap().0);
+        assert!(got.pixels() == want.pixels());
+    }
+}
+
+#[test]
+fn voxels_are_picked_on_the_device() {
+    if !has_device() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path());
+    let whole = Model::open(&path).unwrap().with_transfer(TransferFunction::range(150.0, 255.0).unwrap()).unwrap();
+    let remote = Memory::new(&path, Duration::ZERO).remote();
+    let canvas = Canvas::new(Some(remote.clone()));
+    let mut found = 0;
+    for azimuth in [0.0, 85.0, 130.0] {
+        for fov in [None, Some(40.0)] {
+            let mut look = look(&whole, azimuth, 20.0);
+            look.eye.fov = fov;
+            let settings = look.settings(whole.grid(), SIZE, Quality::Draft).unwrap();
+            pollster::block_on(canvas.frame(&remote.model().unwrap(), &look.eye.camera().unwrap(), &settings)).unwrap();
+            let model = remote.model().unwrap().with_transfer(whole.transfer().clone()).unwrap();
+            let [right, up, forward] = look.eye.axes();
+            for at in [[0.0, 0.0], [6.0, 3.0], [-11.0, 7.0], [60.0, 0.0]] {
+                let target: DVec3 = DVec3::new(20.0, 20.0, 29.0) + right * at[0] + up * at[1];
+                let (origin, direction) = match fov {
+                    None => (target - forward * 100.0, forward),
+                    Some(_) => (look.eye.position(), (target - look.eye.position()).normalize()),
+                };
+                let want = Ray::new(&whole, &look, origin, direction).pick(None).unwrap();
+                let ray = Ray::new(&model, &look, origin, direction);
+                let asked = AtomicUsize::new(0);
+                let wants = |bounds: &VoxelBox| {
+                    asked.fetch_add(1, Ordering::Relaxed);
+                    ray.meets(bounds)
+                };
+                let tiles = pollster::block_on(canvas.tiles_back(&model, wants)).unwrap();
+                assert!(tiles.tiles.len() < asked.load(Ordering::Relaxed), "few tiles lie on a ray");
+                assert_eq!(ray.pick(Some(&tiles.view())).unwrap(), want, "{azimuth} {fov:?} {at:?}");
+                found += usize::from(want.is_some());
+            }
+        }
+    }
+    assert!(found >= 12, "{found}");
+}
+
+#[test]
+fn a_file_that_changes_is_named_and_not_fetched_again() {
+    if !has_device() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path());
+    let memory = Memory::new(&path, Duration::ZERO);
+    let remote = memory.remote();
+    let place = {
+        let whole = std::fs::read(&path).unwrap();
+        let arena = adjsplat::arena::Arena::new(&whole).unwrap();
+        arena.lanes().map(|lane| lane.values.as_ptr() as usize - whole.as_ptr() as usize).collect::<Vec<_>>()
+    };
+    place.iter().for_each(|at| memory.bytes.lock().unwrap()[*at] ^= 1);
+    let canvas = Canvas::new(Some(remote.clone()));
+    let model = remote.model().unwrap();
+    let look = look(&model, 0.0, 0.0);
+    canvas.begin(&model, &look, SIZE).unwrap();
+    wait("the fault", || remote.fetching().is_none());
+    let fault = remote.fault().unwrap();
+    assert!(fault.starts_with("ball.adj: ") && fault.contains("changed while it was fetched"), "{fault}");
+    assert_eq!(remote.fault(), None, "it is told once");
+    let reads = memory.reads.load(Ordering::Relaxed);
+    canvas.begin(&model, &look, SIZE).unwrap();
+    assert!(remote.fetching().is_none() && memory.reads.load(Ordering::Relaxed) == reads);
+    let settings = look.settings(model.grid(), SIZE, Quality::Draft).unwrap();
+    let camera = Eye { azimuth: 85.0, ..look.eye }.camera().unwrap();
+    let fault = pollster::block_on(canvas.frame(&model, &camera, &settings)).unwrap_err();
+    assert!(matches!(fault, Error::Input { .. }), "a picture that is saved is whole, or is not: {fault}");
+}
+
+#[test]
+fn closing_a_file_stops_what_is_fetched() {
+    if !has_device() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path());
+    let memory = Memory::new(&path, Duration::from_millis(300));
+    let remote = memory.remote();
+    let canvas = Canvas::new(Some(remote.clone()));
+    let model = remote.model().unwrap();
+    canvas.begin(&model, &look(&model, 0.0, 0.0), SIZE).unwrap();
+    let gone = Arc::downgrade(&remote);
+    drop((remote, canvas));
+    wait("the end", || gone.upgrade().is_none());
+}
