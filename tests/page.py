@@ -305,7 +305,7 @@ def check_drawing(browser, files, folder):
         for key, lanes in (("3", 2), ("5", 3)):
             before = viewer.state()["view"]
             viewer.page.keyboard.press(key)
-            wait("another side", lambda: viewer.state()["view"] != before)
+            wait("another side", lambda before=before: viewer.state()["view"] != before)
             near = decibels(viewer.picture(), of_program(files[0], viewer, folder))
             fetched = viewer.state()["fetched"][0]
             print(f"key {key}: {fetched} bytes fetched; {near:.1f} dB from the program's picture")
@@ -420,6 +420,49 @@ def check_slow_server(browser, folder):
         server.shutdown()
 
 
+def check_memory(browser, folder):
+    """Voxels are on the device, not in the program's memory."""
+    file = os.path.join(folder, "solid.adj")
+    adj("build", "phantom:constant", "--dims", "240x240x240", "-o", file, "--quiet")
+    served = Serving(file)
+    try:
+        # Nothing is in view, so that nothing has to be drawn.
+        viewer = Viewer(browser, served.links[0] + "&view=0,0,10,0,1e6,1e6,1e6")
+        state = viewer.settled()
+        print(f"{state['fetched'][0]} bytes fetched, {state['memory']} bytes of memory")
+        # Measured 24 MB; the pictures of this view take most of them.
+        assert state["fetched"][0] > 50e6 and state["memory"] < state["fetched"][0] / 2, state
+        viewer.close()
+    finally:
+        served.end()
+
+
+def check_dropped(browser, files, folder):
+    """A file that is dropped is read like one on a server."""
+    served = Serving(*files)
+    try:
+        viewer = Viewer(browser, served.links[0].split("?")[0])
+        wait("the viewer", lambda: "message" in viewer.state())
+        drop = """async ([address, name, bytes]) => {
+            const content = await (await fetch(address)).blob();
+            const files = new DataTransfer();
+            files.items.add(new File([content.slice(0, bytes)], name));
+            document.querySelector("canvas").dispatchEvent(new DragEvent("drop", { dataTransfer: files, bubbles: true }));
+        }"""
+        address = "files/" + urllib.parse.quote(os.path.basename(files[0]))
+        viewer.page.evaluate(drop, [address, "cut.adj", 100_000])
+        assert viewer.told().startswith("cut.adj: at byte 16: R4"), viewer.told()
+        viewer.page.evaluate(drop, [address, "dropped.adj", os.path.getsize(files[0])])
+        wait("the file", lambda: viewer.state()["file"] == "dropped.adj")
+        near = decibels(viewer.picture(), of_program(files[0], viewer, folder))
+        fetched, whole = viewer.state()["fetched"]
+        print(f"dropped: {fetched} of {whole} bytes read; {near:.1f} dB")
+        assert near > NEAR and fetched < 0.5 * whole
+        viewer.close()
+    finally:
+        served.end()
+
+
 def main():
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as play:
         files = [os.path.join(folder, name) for name in ("ball & shell.adj", "vessels.adj")]
@@ -432,6 +475,8 @@ def main():
         check_drawing(browser, files, folder)
         check_plain_server(browser, files, folder)
         check_slow_server(browser, folder)
+        check_dropped(browser, files, folder)
+        check_memory(browser, folder)
         browser.close()
         browser = launch(["--disable-gpu", "--disable-features=WebGPU", "--disable-blink-features=WebGPU"])
         served = Serving(*files)

@@ -3,6 +3,8 @@
 use std::sync::mpsc::{Receiver, channel};
 
 use egui::Context;
+#[cfg(target_arch = "wasm32")]
+use {send_wrapper::SendWrapper, std::sync::Arc};
 
 use crate::open::Place;
 
@@ -72,8 +74,14 @@ async fn choose(purpose: Purpose) -> Option<Place> {
 #[cfg(target_arch = "wasm32")]
 async fn choose(purpose: Purpose) -> Option<Place> {
     match purpose {
-        Purpose::OpenFile => crate::page::choose(".adj").await,
-        Purpose::LoadTransfer => crate::page::choose(".json").await,
+        Purpose::OpenFile => {
+            let file = crate::page::choose(".adj").await?;
+            Some(Place::Chosen(Arc::new(SendWrapper::new(file))))
+        }
+        Purpose::LoadTransfer => {
+            let file = crate::page::choose(".json").await?;
+            Some(Place::Bytes(file.name(), Arc::new(crate::page::read(&file).await?)))
+        }
         Purpose::SavePicture => Some(Place::Path("picture.png".into())),
         Purpose::SaveTransfer => Some(Place::Path("transfer.json".into())),
     }

@@ -1,6 +1,7 @@
-//! Files on a server, in a page: only the parts that a picture needs, by HTTP range requests.
+//! Files in a page: of those on a server only the parts that a picture needs, by HTTP range requests; of those that were
+//! chosen or dropped likewise.
 //!
-//! In: an address. Out: a file whose directory alone is in memory, and which reads more when it is asked to. A file that the
+//! In: an address or a file. Out: a file whose directory alone is in memory, and which reads more when it is asked to. A file that the
 //! device could not hold, or that stores fewer than three lanes, has its first lane in memory, from which the other lanes are
 //! derived; of a server that does not know ranges, all of the file is.
 
@@ -16,6 +17,7 @@ use adjsplat::splat::gpu::GpuOptions;
 use adjsplat::volume::Axis;
 use egui::Context;
 use js_sys::{Promise, Uint8Array};
+use send_wrapper::SendWrapper;
 use wasm_bindgen::{JsCast as _, JsValue};
 use wasm_bindgen_futures::JsFuture;
 use web_sys::{AbortSignal, Request, RequestInit, Response};
@@ -27,35 +29,73 @@ use crate::remote::{PARTS, Reading, Remote, Source};
 const PATIENCE: u32 = 60_000;
 
 /// Opens the file at an address.
-pub(crate) async fn open(place: &Place, address: &str, progress: &Progress, context: &Context) -> Result<Opened> {
+pub(crate) async fn open_address(
+    place: &Place,
+    address: &str,
+    progress: &Progress,
+    context: &Context,
+) -> Result<Opened> {
     let name = place.name();
-    let name = if name.is_empty() { address } else { &name };
+    let name = if name.is_empty() { address.to_owned() } else { name };
     progress.set(Phase::Fetching, 0, 1)?;
-    let answer = received(name, ask(address, 0..Directory::HEAD)?).await?;
-    let head = answer.bytes;
-    let mut fetched = head.len() as u64;
-    let Some(part) = &answer.part else {
-        return Opened::new(place, model_of(name, head)?, true, Some([fetched; 2]));
+    let Answer { bytes: head, part, version } = received(&name, ask(address, 0..Directory::HEAD)?).await?;
+    let Some(Content { whole, .. }) = part else {
+        let whole = head.len() as u64;
+        return Opened::new(place, model_of(&name, head)?, true, Some([whole; 2]));
     };
-    let whole = part.whole;
-    let server = Server { address: address.to_owned(), name: name.to_owned(), whole, version: answer.version };
-    let limits = Limits::default();
+    let server = Server { address: address.to_owned(), name: name.clone(), whole, version };
+    open(place, File { name: &name, head, whole }, server, progress, context).await
+}
+
+/// Opens a file that was chosen or dropped.
+pub(crate) async fn open_file(
+    place: &Place,
+    file: web_sys::File,
+    progress: &Progress,
+    context: &Context,
+) -> Result<Opened> {
+    let name = place.name();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the length of a file")]
+    let whole = file.size() as u64;
+    let chosen = Chosen { file: SendWrapper::new(file), name: name.clone() };
+    let head = chosen.read(std::slice::from_ref(&(0..Directory::HEAD.min(whole)))).await?.remove(0);
+    open(place, File { name: &name, head, whole }, chosen, progress, context).await
+}
+
+/// A file of which the first bytes have been read.
+struct File<'a> {
+    /// The name that messages call it by.
+    name: &'a str,
+    head: Vec<u8>,
+    /// The length in bytes.
+    whole: u64,
+}
+
+async fn open(
+    place: &Place,
+    file: File<'_>,
+    source: impl Source + 'static,
+    progress: &Progress,
+    context: &Context,
+) -> Result<Opened> {
+    let (File { name, head, whole }, limits) = (file, Limits::default());
+    let mut fetched = head.len() as u64;
     let mut directory = Directory::new(&head, whole, &limits, name)?;
-    fetched += complete(&mut directory, &head, &server, progress, context).await?;
+    fetched += complete(&mut directory, &head, &source, progress, context).await?;
     directory.check(name)?;
     let directory = Arc::new(directory);
     let model = Model::from_directory(directory.clone(), CodeCounts::default(), name)?;
     let options = GpuOptions::default();
     let is_held = |axis: Axis| model.lane(axis).is_ok_and(|lane| options.holds(&lane));
     if Axis::ALL.into_iter().all(|axis| directory.has_lane(axis) && is_held(axis)) {
-        let remote = Remote::new(name, directory, server, fetched, context);
+        let remote = Remote::new(name, directory, source, fetched, context);
         return Ok(Opened {
             remote: Some(Arc::new(remote)),
             ..Opened::new(place, model, true, Some([fetched, whole]))?
         });
     }
     let mut lane = Directory::first_lane(&head, whole, &limits, name)?;
-    fetched += complete(&mut lane, &head, &server, progress, context).await?;
+    fetched += complete(&mut lane, &head, &source, progress, context).await?;
     lane.check(name)?;
     Opened::new(place, model_of(name, lane.into_bytes())?, true, Some([fetched, whole]))
 }
@@ -64,7 +104,7 @@ pub(crate) async fn open(place: &Place, address: &str, progress: &Progress, cont
 async fn complete(
     directory: &mut Directory,
     head: &[u8],
-    server: &Server,
+    source: &impl Source,
     progress: &Progress,
     context: &Context,
 ) -> Result<u64> {
@@ -77,7 +117,7 @@ async fn complete(
             continue;
         }
         fetched += range.end - range.start;
-        let read = server.read(vec![range]).await?;
+        let read = source.read(std::slice::from_ref(&range)).await?;
         directory.append(&read[0])?;
         let [done, total] = directory.progress();
         context.request_repaint();
@@ -98,14 +138,14 @@ struct Server {
 }
 
 impl Source for Server {
-    fn read(&self, ranges: Vec<Range<u64>>) -> Reading<'_> {
+    fn read<'a>(&'a self, ranges: &'a [Range<u64>]) -> Reading<'a> {
         Box::pin(async move {
             // All are asked for before the first is waited for.
-            let ask = |range: Range<u64>| match range.is_empty() {
-                true => Ok((range, None)),
-                false => ask(&self.address, range.clone()).map(|answer| (range, Some(answer))),
+            let ask = |range: &Range<u64>| match range.is_empty() {
+                true => Ok((range.clone(), None)),
+                false => ask(&self.address, range.clone()).map(|answer| (range.clone(), Some(answer))),
             };
-            let asked = ranges.into_iter().map(ask).collect::<Result<Vec<_>>>()?;
+            let asked = ranges.iter().map(ask).collect::<Result<Vec<_>>>()?;
             let mut parts = Vec::with_capacity(asked.len());
             for (range, answer) in asked {
                 parts.push(match answer {
@@ -126,6 +166,32 @@ impl Server {
             return Err(Error::input(&self.name, "was cut or changed while it was fetched; load the page again"));
         }
         Ok(got.bytes)
+    }
+}
+
+/// A file that was chosen or dropped.
+struct Chosen {
+    file: SendWrapper<web_sys::File>,
+    name: String,
+}
+
+impl Source for Chosen {
+    fn read<'a>(&'a self, ranges: &'a [Range<u64>]) -> Reading<'a> {
+        Box::pin(async move {
+            let failed = |_: JsValue| Error::input(&self.name, "cannot be read, or changed since it was chosen");
+            let mut parts = Vec::with_capacity(ranges.len());
+            for range in ranges {
+                let [start, end] = [range.start, range.end].map(|place| place as f64);
+                let slice = self.file.slice_with_f64_and_f64(start, end).map_err(failed)?;
+                let bytes = JsFuture::from(slice.array_buffer()).await.map_err(failed)?;
+                let part = Uint8Array::new(&bytes).to_vec();
+                if part.len() as u64 != range.end - range.start {
+                    return Err(failed(JsValue::NULL));
+                }
+                parts.push(part);
+            }
+            Ok(parts)
+        })
     }
 }
 

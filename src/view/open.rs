@@ -23,8 +23,11 @@ pub enum Place {
     Path(PathBuf),
     /// On a server: the address of an `.adj` file. Only a page opens it.
     Address(String),
-    /// In memory, under this name: an `.adj` file that was chosen in a browser.
+    /// In memory, under this name.
     Bytes(String, Arc<Vec<u8>>),
+    /// A file that was chosen in a browser.
+    #[cfg(target_arch = "wasm32")]
+    Chosen(Arc<send_wrapper::SendWrapper<web_sys::File>>),
     /// Dropped onto a page.
     Dropped(DroppedFileHandle),
 }
@@ -42,6 +45,8 @@ impl Place {
                 path.rsplit('/').next().unwrap_or_default().to_owned()
             }
             Place::Bytes(name, _) => name.clone(),
+            #[cfg(target_arch = "wasm32")]
+            Place::Chosen(file) => file.name(),
             Place::Dropped(file) => last(file.path()),
         }
     }
@@ -176,15 +181,16 @@ async fn open(place: &Place, progress: &Progress, context: &Context) -> Result<O
         #[cfg(target_arch = "wasm32")]
         Place::Path(path) => return Err(Error::input(path.display().to_string(), "is no address on a server")),
         #[cfg(target_arch = "wasm32")]
-        Place::Address(address) => return crate::fetch::open(place, address, progress, context).await,
+        Place::Address(address) => return crate::fetch::open_address(place, address, progress, context).await,
         #[cfg(not(target_arch = "wasm32"))]
         Place::Address(address) => return Err(Error::input(address, "is opened by the page, not by the desktop")),
         Place::Bytes(name, bytes) => (model_of(name, bytes.to_vec())?, true),
         #[cfg(target_arch = "wasm32")]
-        Place::Dropped(file) => {
-            let name = place.name();
-            let bytes = file.bytes_async().await.map_err(|fault| Error::input(&name, fault))?;
-            (model_of(&name, bytes)?, true)
+        Place::Chosen(file) => return crate::fetch::open_file(place, (***file).clone(), progress, context).await,
+        #[cfg(target_arch = "wasm32")]
+        Place::Dropped(dropped) => {
+            let file = dropped.web_file().ok_or_else(|| Error::input(place.name(), "cannot be read"))?.clone();
+            return crate::fetch::open_file(place, file, progress, context).await;
         }
         #[cfg(not(target_arch = "wasm32"))]
         Place::Dropped(file) => crate::local::open(file.path(), progress, context)?,

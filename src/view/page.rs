@@ -16,7 +16,7 @@ use wasm_bindgen::closure::Closure;
 use wasm_bindgen::prelude::wasm_bindgen;
 use wasm_bindgen::{JsCast as _, JsValue};
 use wasm_bindgen_futures::JsFuture;
-use web_sys::{Blob, HtmlAnchorElement, HtmlCanvasElement, HtmlInputElement, Url, UrlSearchParams};
+use web_sys::{Blob, File, HtmlAnchorElement, HtmlCanvasElement, HtmlInputElement, Url, UrlSearchParams};
 
 use crate::Window;
 use crate::app::Viewer;
@@ -120,8 +120,8 @@ fn document() -> web_sys::Document {
     web_sys::window().and_then(|window| window.document()).expect("a page has a document")
 }
 
-/// Lets the user choose a file with this ending; `None` if the choice was cancelled or the file cannot be read.
-pub(crate) async fn choose(ending: &str) -> Option<Place> {
+/// Lets the user choose a file with this ending; `None` if the choice was cancelled.
+pub(crate) async fn choose(ending: &str) -> Option<File> {
     let input: HtmlInputElement = document().create_element("input").ok()?.dyn_into().ok()?;
     input.set_type("file");
     input.set_accept(ending);
@@ -137,9 +137,13 @@ pub(crate) async fn choose(ending: &str) -> Option<Place> {
     input.add_event_listener_with_callback("cancel", done.as_ref().unchecked_ref()).ok()?;
     input.click();
     chosen.await.ok()?;
-    let file = input.files()?.get(0)?;
+    input.files()?.get(0)
+}
+
+/// Returns the bytes of a file that was chosen; `None` if it cannot be read.
+pub(crate) async fn read(file: &File) -> Option<Vec<u8>> {
     let bytes = JsFuture::from(file.array_buffer()).await.ok()?;
-    Some(Place::Bytes(file.name(), Arc::new(Uint8Array::new(&bytes).to_vec())))
+    Some(Uint8Array::new(&bytes).to_vec())
 }
 
 /// Lets the browser save a file.

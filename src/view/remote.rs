@@ -29,7 +29,7 @@ pub type Reading<'a> = Pin<Box<dyn Future<Output = Result<Vec<Vec<u8>>>> + 'a>>;
 /// Where a file's bytes come from.
 pub trait Source: Send + Sync {
     /// Reads some ranges of bytes.
-    fn read(&self, ranges: Vec<Range<u64>>) -> Reading<'_>;
+    fn read<'a>(&'a self, ranges: &'a [Range<u64>]) -> Reading<'a>;
 }
 
 /// A file elsewhere.
@@ -173,7 +173,7 @@ async fn fetch(remote: &Weak<Remote>, axis: Axis, device: &Weak<async_lock::Mute
     let (start, mut patience) = (Instant::now(), PATIENCE);
     for part in parts {
         let Some((remote, device)) = remote.upgrade().zip(device.upgrade()) else { return Ok(()) };
-        let read = remote.source.read(part.ranges.to_vec()).await?;
+        let read = remote.source.read(&part.ranges).await?;
         let channels: [&[u8]; 4] = std::array::from_fn(|channel| &read[channel][..]);
         device.lock().await.receive(&lane, part.first, channels).await?;
         check.add(channels);

@@ -53,7 +53,7 @@ impl Memory {
 }
 
 impl Source for Memory {
-    fn read(&self, ranges: Vec<Range<u64>>) -> Reading<'_> {
+    fn read<'a>(&'a self, ranges: &'a [Range<u64>]) -> Reading<'a> {
         self.reads.fetch_add(1, Ordering::Relaxed);
         std::thread::sleep(self.delay);
         Box::pin(std::future::ready(Ok(ranges.iter().map(|range| self.bytes(range)).collect())))

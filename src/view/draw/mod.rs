@@ -111,6 +111,10 @@ impl Painter {
             let coarse = self.draft_size.of(size);
             self.draft.ask(self.request(model, look, coarse, Quality::Draft));
         }
+        // What arrives will be drawn anew.
+        if self.canvas.remote().is_some_and(|remote| remote.fetching().is_some()) {
+            return self.texture.as_ref();
+        }
         // A draft of this look first, or there is nothing to see meanwhile.
         let has_draft =
             self.shown.as_ref().is_some_and(|shown| shown.look_index == self.look_index) || self.fault.is_some();
