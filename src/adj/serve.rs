@@ -67,13 +67,14 @@ mod server {
 
     pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         let page = page(arguments.page.as_deref())?;
-        let files = Arc::new(files(&arguments.input)?);
+        let (names, files) = files(&arguments.input)?;
+        let files = Arc::new(files);
         let serving = async {
             let address = SocketAddr::from((Ipv4Addr::LOCALHOST, arguments.port));
             let cannot = |fault| Error::input("--port", format!("{}: {fault}", arguments.port));
             let listener = tokio::net::TcpListener::bind(address).await.map_err(cannot)?;
             let address = listener.local_addr().map_err(cannot)?;
-            for name in files.keys() {
+            for name in &names {
                 print_result(&format!("http://{address}/?file=files/{}", encoded(&encoded(name))));
             }
             print_note("Ctrl-C ends");
@@ -105,17 +106,18 @@ mod server {
         })
     }
 
-    /// Returns the files by the names under which they are served.
-    fn files(paths: &[PathBuf]) -> Result<BTreeMap<String, PathBuf>> {
-        let mut files = BTreeMap::new();
+    /// Returns the names under which files are served, in their order, and the files by these names.
+    fn files(paths: &[PathBuf]) -> Result<(Vec<String>, BTreeMap<String, PathBuf>)> {
+        let (mut names, mut files) = (Vec::new(), BTreeMap::new());
         for path in paths {
             Model::open(path)?;
             let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
             if files.insert(name.clone(), path.clone()).is_some() {
                 return Err(Error::input(name, "is the name of two files; rename one"));
             }
+            names.push(name);
         }
-        Ok(files)
+        Ok((names, files))
     }
 
     fn router(page: &Path, files: Files) -> Router {
@@ -139,7 +141,7 @@ mod server {
     async fn guard(request: Request, next: Next) -> Response {
         let host = request.headers().get(HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
         let name = host.rsplit_once(':').map_or(host, |(name, _)| name);
-        if !["127.0.0.1", "localhost"].contains(&name) {
+        if !["127.0.0.1", "localhost"].iter().any(|here| here.eq_ignore_ascii_case(name)) {
             return (StatusCode::FORBIDDEN, "open this page as http://127.0.0.1 or http://localhost").into_response();
         }
         let mut response = next.run(request).await;

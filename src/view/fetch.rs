@@ -36,7 +36,7 @@ pub(crate) async fn open_address(
     context: &Context,
 ) -> Result<Opened> {
     let name = place.name();
-    let name = if name.is_empty() { address.to_owned() } else { name };
+    let name = if name.is_empty() { "the address".into() } else { name };
     progress.set(Phase::Fetching, 0, 1)?;
     let Answer { bytes: head, part, version } = received(&name, ask(address, 0..Directory::HEAD)?).await?;
     let Some(Content { whole, .. }) = part else {

@@ -42,7 +42,7 @@ impl Place {
             Place::Path(path) => last(path),
             Place::Address(address) => {
                 let path = address.split(['?', '#']).next().unwrap_or_default();
-                path.rsplit('/').next().unwrap_or_default().to_owned()
+                shortened(path.rsplit('/').next().unwrap_or_default())
             }
             Place::Bytes(name, _) => name.clone(),
             #[cfg(target_arch = "wasm32")]
@@ -54,6 +54,15 @@ impl Place {
     /// Returns the path, if the file is on this machine.
     pub fn path(&self) -> Option<&std::path::Path> {
         if let Place::Path(path) = self { Some(path) } else { None }
+    }
+}
+
+/// Returns a name, without its middle if it is very long.
+fn shortened(name: &str) -> String {
+    let letters: Vec<char> = name.chars().collect();
+    match letters.len() {
+        0..=80 => name.to_owned(),
+        count => letters[..50].iter().chain(&['…']).chain(&letters[count - 29..]).collect(),
     }
 }
 
@@ -203,6 +212,7 @@ async fn open(place: &Place, progress: &Progress, context: &Context) -> Result<O
 pub(crate) fn model_of(name: &str, bytes: Vec<u8>) -> Result<Model> {
     Model::from_bytes(bytes).map_err(|fault| match fault {
         Error::Format { fault, .. } => Error::Format { path: name.into(), fault },
+        Error::Input { why, .. } => Error::input(name, why),
         other => other,
     })
 }

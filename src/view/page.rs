@@ -94,7 +94,7 @@ fn asked() -> (Option<String>, Wish) {
     let query = web_sys::window().and_then(|window| window.location().search().ok()).unwrap_or_default();
     let query = UrlSearchParams::new_with_str(&query).ok();
     let get = |name: &str| query.as_ref().and_then(|query| query.get(name));
-    (get("file"), Wish { view: get("view"), transfer: get("tf") })
+    (get("file").filter(|file| !file.is_empty()), Wish { view: get("view"), transfer: get("tf") })
 }
 
 /// Returns a link to this page that opens a file with a view and, if it is not the file's, a transfer function.

@@ -118,7 +118,7 @@ fn view(ui: &mut Ui, document: &mut Document, manner: &mut Manner, size: [u32; 2
             look.eye.toggle_perspective();
         }
         if let Some(fov) = &mut look.eye.fov {
-            ui.add(DragValue::new(fov).range(5.0..=120.0).speed(0.3).suffix("°"))
+            ui.add(DragValue::new(fov).range(5.0..=120.0).clamp_existing_to_range(false).speed(0.3).suffix("°"))
                 .on_hover_text("Vertical angle of view");
         }
     });

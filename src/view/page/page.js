@@ -12,6 +12,18 @@ function say(text) {
 
 // The viewer calls this before it stops for good.
 globalThis.adjsplatStopped = (text) => say(`The viewer has stopped (${text}). Load the page again.`);
+
+// The first device draws the window. If it is lost, nothing is shown any more.
+function watchFirstDevice() {
+  const request = GPUAdapter.prototype.requestDevice;
+  GPUAdapter.prototype.requestDevice = async function (...options) {
+    GPUAdapter.prototype.requestDevice = request;
+    const device = await request.apply(this, options);
+    device.lost.then(({ message }) => globalThis.adjsplatStopped(`the graphics device was lost: ${message}`));
+    return device;
+  };
+}
+
 async function begin() {
   if (!globalThis.isSecureContext) {
     return say("Browsers allow WebGPU only to pages from https or from this machine. Open this page so, or use adj view.");
@@ -19,6 +31,7 @@ async function begin() {
   if (!navigator.gpu || !(await navigator.gpu.requestAdapter())) {
     return say("This browser has no WebGPU, by which the viewer draws. Use a newer browser, allow its graphics acceleration, or use adj view.");
   }
+  watchFirstDevice();
   await init({ module_or_path: new URL("adjsplat_view_bg.wasm", import.meta.url) });
   say("");
   await viewer.start(canvas);
