@@ -92,6 +92,11 @@ impl Remote {
         self.state().has_arrived
     }
 
+    /// Returns whether fetching has failed.
+    pub fn has_failed(&self) -> bool {
+        self.state().has_failed
+    }
+
     /// Returns why no more can be fetched, once.
     pub fn fault(&self) -> Option<String> {
         self.state().fault.take()
@@ -134,6 +139,9 @@ impl Remote {
     /// The errors of the source and of the device.
     pub(crate) async fn fetch(self: &Arc<Remote>, axis: Axis, device: &Arc<async_lock::Mutex<OnDevice>>) -> Result<()> {
         let _turn = self.turn.lock().await;
+        if device.lock().await.has_lane(axis) {
+            return Ok(());
+        }
         let fetched = fetch(&Arc::downgrade(self), axis, &Arc::downgrade(device)).await;
         self.end(fetched, axis, device.clone()).await
     }

@@ -69,8 +69,10 @@ impl Viewer {
         let painter = ui.painter_at(rect);
         painter.rect_filled(rect, 0.0, Color32::from_rgb(r, g, b));
         let canvas = document.painter.canvas().clone();
-        if canvas.remote().is_some_and(|remote| !remote.has_arrived()) {
-            overlay::message(&painter, rect, "Fetching the first voxels …", contrast([r, g, b]));
+        if let Some(remote) = canvas.remote().filter(|remote| !remote.has_arrived()) {
+            let text =
+                if remote.has_failed() { "The voxels could not be fetched" } else { "Fetching the first voxels …" };
+            overlay::message(&painter, rect, text, contrast([r, g, b]));
             if let Err(fault) = canvas.begin(&model, &document.look, size) {
                 document.note = Some(fault.to_string());
             }

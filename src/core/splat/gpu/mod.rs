@@ -98,10 +98,10 @@ impl Default for GpuOptions {
 }
 
 impl GpuOptions {
-    /// Returns whether a device can hold all of a lane, so that its channels need not be in memory.
+    /// Returns whether a device can hold all of a lane beside another one, so that their channels need not be in memory.
     pub fn holds(&self, lane: &Lane) -> bool {
         let widest = lane.channels.widths().into_iter().max().unwrap_or(1) as u64;
-        lane.bytes() <= self.lane_bytes() && lane.record_count().saturating_mul(widest) <= MAX_BINDING
+        lane.bytes() <= self.lane_bytes() / 2 && lane.record_count().saturating_mul(widest) <= MAX_BINDING
     }
 
     /// Most bytes that such lanes take together; frames need the rest.
