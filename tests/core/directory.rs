@@ -20,9 +20,13 @@ fn file() -> Vec<u8> {
     model.arena().unwrap().bytes().to_vec()
 }
 
+/// The bytes with which reading begins: a file may be shorter than [`Directory::HEAD`].
+fn head_of(file: &[u8]) -> &[u8] {
+    &file[..file.len().min(usize::try_from(Directory::HEAD).unwrap())]
+}
+
 fn begun(file: &[u8]) -> Directory {
-    let head = &file[..file.len().min(usize::try_from(Directory::HEAD).unwrap())];
-    Directory::new(head, file.len() as u64, &Limits::default(), "ball.adj").unwrap()
+    Directory::new(head_of(file), file.len() as u64, &Limits::default(), "ball.adj").unwrap()
 }
 
 fn bytes_of(file: &[u8], range: &std::ops::Range<u64>) -> Vec<u8> {
@@ -99,8 +103,7 @@ fn parts_are_the_channels_of_a_lane() {
 #[test]
 fn the_first_lane_alone_is_a_valid_file_that_draws_the_same_pictures() {
     let whole = file();
-    let head = &whole[..usize::try_from(Directory::HEAD).unwrap()];
-    let mut lane = Directory::first_lane(head, whole.len() as u64, &Limits::default(), "ball.adj").unwrap();
+    let mut lane = Directory::first_lane(head_of(&whole), whole.len() as u64, &Limits::default(), "ball.adj").unwrap();
     while let Some(range) = lane.wanted(5_000) {
         lane.append(&bytes_of(&whole, &range)).unwrap();
     }
