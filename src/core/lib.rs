@@ -39,6 +39,7 @@
 pub mod arena;
 pub mod build;
 pub mod classify;
+pub mod collection;
 pub mod error;
 pub mod file;
 #[doc(hidden)]

@@ -15,6 +15,7 @@ const MAY_IMPORT: &[(&str, &[&str])] = &[
     ("file", &["volume", "arena", "build"]),
     ("traverse", &["volume", "arena"]),
     ("splat", &["volume", "classify", "arena", "traverse"]),
+    ("collection", &["volume", "classify", "arena", "build", "file", "traverse", "splat"]),
 ];
 
 const EVERYONES: [&str; 4] = ["error", "limits", "parallel", "text"];

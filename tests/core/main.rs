@@ -3,6 +3,7 @@
 mod build;
 mod classify;
 mod classify_fields;
+mod collection;
 mod directory;
 mod edits;
 mod file;

@@ -3,10 +3,13 @@
 //! A walk visits a lane's face (its lines as a 2-D array) row by row or column by column. On a space-filling curve, the
 //! next tile in the row and the next one in the column are both near in memory, so both directions use the cache well.
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 
 /// The order of a lane's tiles in memory.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum TileOrder {
     /// Along a Z-order curve (Morton 1966): the bits of the tile's u and v are interleaved; bit 0 is from u.
     #[default]

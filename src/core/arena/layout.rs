@@ -14,6 +14,7 @@
 
 use std::mem::{offset_of, size_of};
 
+use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 use zerocopy::byteorder::little_endian::{F64, U16, U32, U64};
 use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes, KnownLayout, Unaligned};
@@ -258,7 +259,7 @@ pub const fn line_end_bytes(line_points: u32) -> u8 {
 }
 
 /// The channels (arrays with one code per record) of a lane, with their widths.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Channels {
     /// Bits per value: 8 or 16.
     pub value_bits: u8,
@@ -282,7 +283,7 @@ impl Channels {
 }
 
 /// The scales that convert stored codes to values and gradient magnitudes.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Scales {
     /// Value of code 0.
     pub value_low: f64,

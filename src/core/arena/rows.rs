@@ -7,6 +7,7 @@ use std::ops::Range;
 use super::layout::Channels;
 use super::pack::Record;
 use crate::error::Result;
+use crate::volume::Grid;
 
 /// A visible voxel of a row along x.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -34,9 +35,51 @@ impl Region {
         Region { xs: 0..nx, ys: 0..ny, zs: 0..nz }
     }
 
+    /// Returns the box of `size` points along x, y, z whose lowest point is `low`.
+    pub fn at([x, y, z]: [u32; 3], [nx, ny, nz]: [u32; 3]) -> Region {
+        Region { xs: x..x.saturating_add(nx), ys: y..y.saturating_add(ny), zs: z..z.saturating_add(nz) }
+    }
+
     /// Returns the ranges along x, y, z.
-    pub(crate) fn sides(&self) -> [&Range<u32>; 3] {
+    pub fn sides(&self) -> [&Range<u32>; 3] {
         [&self.xs, &self.ys, &self.zs]
+    }
+
+    /// Returns the lowest point.
+    pub fn low(&self) -> [u32; 3] {
+        self.sides().map(|side| side.start)
+    }
+
+    /// Returns the number of points along x, y, z.
+    pub fn size(&self) -> [u32; 3] {
+        self.sides().map(|side| side.end.saturating_sub(side.start))
+    }
+
+    /// Returns the part that lies in `other` too.
+    pub(crate) fn and(&self, other: &Region) -> Region {
+        let side = |a: usize| {
+            let (this, other) = (self.sides()[a], other.sides()[a]);
+            this.start.max(other.start)..this.end.min(other.end)
+        };
+        Region { xs: side(0), ys: side(1), zs: side(2) }
+    }
+
+    /// Returns the part that has no coordinate below `origin`, counted from there.
+    pub(crate) fn seen_from(&self, origin: [u32; 3]) -> Region {
+        let side = |a: usize| {
+            let side = self.sides()[a];
+            side.start.saturating_sub(origin[a])..side.end.saturating_sub(origin[a])
+        };
+        Region { xs: side(0), ys: side(1), zs: side(2) }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.sides().into_iter().any(Range::is_empty)
+    }
+
+    /// Returns the grid of the box's points, which lie in `grid` and keep their positions in the world.
+    pub(crate) fn grid(&self, grid: &Grid) -> Grid {
+        grid.part(self.low(), self.size())
     }
 }
 
@@ -55,7 +98,8 @@ pub trait Rows: Sync {
 
     /// Calls `row` with y, z and the voxels inside `region` of each row that has such voxels.
     ///
-    /// Voxels come by ascending x. Rows with the same z come by ascending y, rows with the same y by ascending z.
+    /// Voxels come by ascending x; a row may come in several parts. Rows with the same z come by ascending y, rows with
+    /// the same y by ascending z.
     ///
     /// # Errors
     /// Any error of reading the underlying data.

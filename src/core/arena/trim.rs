@@ -161,7 +161,7 @@ pub fn trim<'a>(arena: &Arena<'a>, stored: Option<&TransferFunction>, options: &
     let (rows, grid) = if options.keep_grid {
         (rows.within(&crop), old.grid.clone())
     } else {
-        (rows.cropped(&crop), cropped(&old.grid, &crop))
+        (rows.cropped(&crop), crop.grid(&old.grid))
     };
     let facts = Facts { grid, channels, scales, visible_voxels, ..*old };
     Ok(Trim { rows: Box::new(rows), facts, transfer, blurred_away })
@@ -193,18 +193,6 @@ fn crop_of(options: &TrimOptions, grid: &Grid) -> Result<Region> {
         return Err(Error::input("crop", format!("has no point of the {nx} x {ny} x {nz} grid")));
     }
     Ok(crop)
-}
-
-/// Returns the grid of the points in `crop`, at their positions in the world.
-fn cropped(grid: &Grid, crop: &Region) -> Grid {
-    let mut cropped = grid.clone();
-    for (a, part) in crop.sides().into_iter().enumerate() {
-        cropped.dims[a] = part.end - part.start;
-        for w in 0..3 {
-            cropped.origin[w] += grid.direction[a][w] * (grid.spacing[a] * f64::from(part.start));
-        }
-    }
-    cropped
 }
 
 fn each_record(rows: &dyn Rows, mut see: impl FnMut(Record)) -> Result<()> {

@@ -10,6 +10,7 @@
 use super::assemble::Assembler;
 use super::budget::Budget;
 use super::classified::ClassifiedRows;
+use super::codes::choose_codes;
 use super::encoder::{VoxelEncoder, nothing_visible};
 use super::options::{BuildOptions, GradientSource, Resources};
 use super::progress::{Observer, Phase, report};
@@ -20,8 +21,8 @@ use super::summary::SampleSummary;
 use super::sweep::{RowBlock, sweep};
 use super::visibility::VisibilityTest;
 use super::window::SliceWindow;
-use crate::arena::OwnedLane;
 use crate::arena::layout::Facts;
+use crate::arena::{OwnedLane, Region};
 use crate::classify::{TransferFunction, gradient};
 use crate::error::Result;
 use crate::volume::{Axis, Header, SlabSource};
@@ -101,22 +102,24 @@ pub fn classify(
     let header = source.header().clone();
     header.grid.check()?;
     let budget = Budget::new(&header, options, resources, source.buffer_bytes())?;
+    let all = Region::of_grid(header.grid.dims);
     let surveyed = options.needs_survey();
     let mut largest_magnitude = None;
     if surveyed {
-        largest_magnitude = Some(survey(source, &header, options, &budget, observer)?);
+        largest_magnitude = Some(survey(source, &header, &all, options, &budget, observer)?);
         source.rewind()?;
     }
-    let test = VisibilityTest::new(&header, options, largest_magnitude)?;
-    let store = SpillStore::new(resources.folder.as_deref(), budget.spill_memory);
-    let mut spill = SpilledVoxels::new(&header, options.channels(), store);
-    let found = keep_visible(source, &header, options, &test, &budget, &mut spill, observer)?;
+    let (spill, found) = keep_visible(source, &header, &all, options, largest_magnitude, &budget, resources, observer)?;
     let samples = SampleSummary { surveyed, ..found };
     if spill.voxels == 0 {
         return Err(nothing_visible(&samples));
     }
     let encoder = |bits| VoxelEncoder::new(&header, options, bits, &samples, largest_magnitude);
-    let (rows, loss) = ClassifiedRows::new(spill, &encoder, options.value_bits, budget.schedule.threads)?;
+    let threads = budget.schedule.threads;
+    let whole = || spill.whole_numbers(threads).map(Some);
+    let chosen = choose_codes(&encoder, options.value_bits, whole, |encoder| spill.loss(encoder, threads).map(Some))?;
+    let (encoder, loss) = chosen.expect("nothing is left open");
+    let rows = ClassifiedRows { spill, encoder };
     let samples = SampleSummary {
         blurred_away: loss.blurred_away,
         rounding: loss.rounding,
@@ -134,20 +137,25 @@ pub fn classify(
     Ok(Classified { facts, rows, transfer, samples })
 }
 
-/// Returns the largest gradient magnitude of the volume.
-fn survey(
+/// Returns the largest gradient magnitude of the samples in `kept`.
+pub(crate) fn survey(
     source: &mut dyn SlabSource,
     header: &Header,
+    kept: &Region,
     options: &BuildOptions,
     budget: &Budget,
     observer: &mut dyn Observer,
 ) -> Result<f64> {
-    let [width, _, depth] = header.grid.dims;
+    let depth = header.grid.dims[2];
     let mut largest = 0.0f64;
     let work = |(): &mut (), window: &SliceWindow, block: &RowBlock| {
+        if !kept.zs.contains(&block.z) {
+            return Ok(0.0);
+        }
         Ok(with_sample_type!(header.sample_type, T => {
             let hood = window.values::<T>(block.z);
-            let places = block.rows.clone().flat_map(|y| (0..width).map(move |x| (x as usize, y as usize)));
+            let rows = block.rows.start.max(kept.ys.start)..block.rows.end.min(kept.ys.end);
+            let places = rows.flat_map(|y| kept.xs.clone().map(move |x| (x as usize, y as usize)));
             places.map(|(x, y)| gradient::magnitude(hood.gradient(x, y))).fold(0.0, f64::max)
         }))
     };
@@ -159,23 +167,28 @@ fn survey(
     Ok(largest)
 }
 
-/// Appends all visible voxels to `spill` (their temporary store) and returns the statistics of all samples.
-fn keep_visible(
+/// Returns all visible voxels in `kept`, in their temporary store, and the statistics of all samples there.
+#[expect(clippy::too_many_arguments, reason = "the pass of a build, with all that it depends on")]
+pub(crate) fn keep_visible(
     source: &mut dyn SlabSource,
     header: &Header,
+    kept: &Region,
     options: &BuildOptions,
-    test: &VisibilityTest,
+    largest_magnitude: Option<f64>,
     budget: &Budget,
-    spill: &mut SpilledVoxels,
+    resources: &Resources,
     observer: &mut dyn Observer,
-) -> Result<SampleSummary> {
+) -> Result<(SpilledVoxels, SampleSummary)> {
     let [_, height, depth] = header.grid.dims;
+    let test = &VisibilityTest::new(header, options, largest_magnitude)?;
+    let store = SpillStore::new(resources.folder.as_deref(), budget.spill_memory);
+    let mut spill = SpilledVoxels::new(header, options.channels(), store);
     let channels = options.channels();
     let gradients = options.gradient_source();
     let mut summary = SampleSummary::default();
     let work = |row: &mut RowArrays, window: &SliceWindow, block: &RowBlock| {
         Ok(with_sample_type!(header.sample_type, T => {
-            let scan = VisibleScan { samples: window.typed::<T>(block.z), header, test, channels };
+            let scan = VisibleScan { samples: window.typed::<T>(block.z), header, test, channels, kept };
             match gradients {
                 GradientSource::None => scan.rows(block, row, &|_, _| [0.0; 3]),
                 GradientSource::Values => {
@@ -200,5 +213,5 @@ fn keep_visible(
         report(observer, Phase::Pack, u64::from(block.z) + u64::from(ended), depth.into())
     };
     sweep(source, header, gradients, &options.transfer, budget.schedule, RowArrays::default, work, take)?;
-    Ok(summary)
+    Ok((spill, summary))
 }

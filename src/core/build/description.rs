@@ -4,10 +4,11 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::builder::Classified;
+use super::summary::SampleSummary;
 use crate::classify::TransferFunction;
 use crate::error::Result;
 use crate::limits::Limits;
-use crate::volume::Header;
+use crate::volume::{Header, SampleType};
 
 /// Written as it stands: as a JSON value a long transfer function would take many times its bytes.
 #[derive(Serialize)]
@@ -22,24 +23,42 @@ struct Description<'a> {
     unit: Option<&'a str>,
 }
 
+/// What a description says of the volume.
+pub(crate) struct Source<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) format: &'a str,
+    pub(crate) sample_type: SampleType,
+    pub(crate) unit: Option<&'a str>,
+}
+
 /// Returns the description, a JSON text, of a file made from `built`. `header` is the header of the volume.
 ///
 /// # Errors
 /// [`Error::Limit`](crate::Error::Limit) if it would be longer than the format allows.
 pub fn description(header: &Header, built: &Classified) -> Result<String> {
-    let (lowest, highest) = (built.samples.lowest, built.samples.highest);
+    let unit = header.grid.unit.as_deref();
+    let source = Source { name: &header.name, format: header.format, sample_type: header.sample_type, unit };
+    describe(&source, &built.transfer, &built.samples)
+}
+
+/// Returns the description of a file with voxels of `source`; `transfer` is the completed function.
+///
+/// # Errors
+/// Those of [`description`].
+pub(crate) fn describe(source: &Source, transfer: &TransferFunction, samples: &SampleSummary) -> Result<String> {
+    let (lowest, highest) = (samples.lowest, samples.highest);
     let description = Description {
         generator: concat!("adjsplat ", env!("CARGO_PKG_VERSION")),
         source: json!({
-            "name": header.name,
-            "format": header.format,
-            "sample_type": header.sample_type.name(),
+            "name": source.name,
+            "format": source.format,
+            "sample_type": source.sample_type.name(),
         }),
-        transfer_function: &built.transfer,
-        counts: json!({ "nan": built.samples.not_finite }),
+        transfer_function: transfer,
+        counts: json!({ "nan": samples.not_finite }),
         values: (lowest <= highest)
-            .then(|| json!({ "lowest": lowest, "highest": highest, "rounding": built.samples.rounding })),
-        unit: header.grid.unit.as_deref(),
+            .then(|| json!({ "lowest": lowest, "highest": highest, "rounding": samples.rounding })),
+        unit: source.unit,
     };
     let text = serde_json::to_string(&description).expect("numbers and strings are plain JSON");
     Limits::check_description(&text)?;

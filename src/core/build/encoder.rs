@@ -13,10 +13,10 @@ use crate::error::{Error, Result};
 use crate::volume::{Header, Sample, SampleType};
 
 /// Maps samples and gradient magnitudes to stored codes.
-pub(super) struct VoxelEncoder {
-    pub(super) transfer: TransferFunction,
-    pub(super) channels: Channels,
-    pub(super) quantiser: Quantiser,
+pub(crate) struct VoxelEncoder {
+    pub(crate) transfer: TransferFunction,
+    pub(crate) channels: Channels,
+    pub(crate) quantiser: Quantiser,
     pub(super) magnitudes: MagnitudeCodec,
     /// The code of the magnitude on a cap.
     cap_code: u8,
@@ -24,12 +24,13 @@ pub(super) struct VoxelEncoder {
     table: Vec<u16>,
     pub(super) slope: f64,
     pub(super) intercept: f64,
+    sample_type: SampleType,
 }
 
 impl VoxelEncoder {
     /// Creates the encoder for values of `bits`. `samples` describes all samples; `largest_magnitude` is set if a first
     /// reading found it.
-    pub(super) fn new(
+    pub(crate) fn new(
         header: &Header,
         options: &BuildOptions,
         bits: u8,
@@ -66,18 +67,20 @@ impl VoxelEncoder {
         let channels = Channels { value_bits: bits, ..options.channels() };
         let cap_code = magnitudes.encode(cap_magnitude.unwrap_or(f64::INFINITY));
         let table = Vec::new();
-        let encoder = VoxelEncoder { transfer, channels, quantiser, magnitudes, cap_code, table, slope, intercept };
-        Ok(encoder.with_quantiser(header.sample_type, quantiser))
+        let sample_type = header.sample_type;
+        let encoder =
+            VoxelEncoder { transfer, channels, quantiser, magnitudes, cap_code, table, slope, intercept, sample_type };
+        Ok(encoder.with_quantiser(quantiser))
     }
 
     /// Replaces the mapping of values to codes.
-    pub(super) fn with_quantiser(self, sample_type: SampleType, quantiser: Quantiser) -> VoxelEncoder {
-        let table = tabulated(sample_type, |sample| quantiser.encode(sample * self.slope + self.intercept));
+    pub(super) fn with_quantiser(self, quantiser: Quantiser) -> VoxelEncoder {
+        let table = tabulated(self.sample_type, |sample| quantiser.encode(sample * self.slope + self.intercept));
         VoxelEncoder { quantiser, table, ..self }
     }
 
     /// Returns the scales for the file's header, which give codes their meaning.
-    pub(super) fn scales(&self) -> Scales {
+    pub(crate) fn scales(&self) -> Scales {
         Scales {
             value_low: self.quantiser.low(),
             value_step: self.quantiser.step(),
@@ -131,7 +134,7 @@ impl VoxelEncoder {
     }
 }
 
-pub(super) fn nothing_visible(samples: &SampleSummary) -> Error {
+pub(crate) fn nothing_visible(samples: &SampleSummary) -> Error {
     let SampleSummary { lowest, highest, not_finite, unnamed, .. } = *samples;
     if unnamed.voxels > 0 {
         let why = format!("the palette names none of the labels, which run from {lowest} to {highest}; add them to it");

@@ -2,19 +2,20 @@
 
 pub(crate) mod assemble;
 pub(crate) mod budget;
-mod builder;
-mod classified;
-mod description;
-mod encoder;
+pub(crate) mod builder;
+pub(crate) mod classified;
+pub(crate) mod codes;
+pub(crate) mod description;
+pub(crate) mod encoder;
 mod histogram;
 mod options;
 pub(crate) mod progress;
 mod scan;
 mod sort_lines;
-mod spill;
+pub(crate) mod spill;
 mod store;
 mod suggest;
-mod summary;
+pub(crate) mod summary;
 mod sweep;
 mod visibility;
 mod window;

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use serde::{Deserialize, Serialize};
+
 use crate::arena::TileOrder;
 use crate::arena::layout::Channels;
 use crate::classify::TransferFunction;
@@ -9,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::volume::SampleType;
 
 /// Options that determine the content of the arena that is built from a volume.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct BuildOptions {
     /// Decides which samples are visible; only these are stored.
@@ -81,7 +83,7 @@ impl BuildOptions {
         BuildOptions { normal_bits, ..self }
     }
 
-    pub(super) fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         if !(1..=3).contains(&self.lane_count) {
             return Err(Error::input("lanes", "must be x, xy or xyz"));
         }
@@ -117,10 +119,20 @@ impl BuildOptions {
     ///
     /// 8-bit samples have a code for each value. Other types need the samples' range if the visible range has an
     /// infinite end, or if opacity depends on the gradient, whose largest magnitude is unknown.
-    pub(super) fn needs_data_range(&self, sample_type: SampleType) -> bool {
+    pub(crate) fn needs_data_range(&self, sample_type: SampleType) -> bool {
         let (low, high) = self.transfer.domain(f64::INFINITY);
         let open = low == f64::NEG_INFINITY || high == f64::INFINITY;
         self.needs_survey() || (sample_type.bytes() > 1 && (open || self.transfer.uses_gradient()))
+    }
+
+    /// Returns how many samples around a part of a volume a build of that part must read, on each side that has them: what
+    /// gradients need, and the smoothing of label maps.
+    pub fn ghosts(&self) -> u32 {
+        match self.gradient_source() {
+            GradientSource::None => 0,
+            GradientSource::Values => 1,
+            GradientSource::Visibility => 3,
+        }
     }
 
     pub(super) fn gradient_source(&self) -> GradientSource {

@@ -7,6 +7,7 @@ use super::spill::{GROUP_ROWS, RowArrays, SpilledRows};
 use super::summary::{RawRange, SampleSummary, UnnamedLabels};
 use super::sweep::RowBlock;
 use super::visibility::VisibilityTest;
+use crate::arena::Region;
 use crate::arena::layout::Channels;
 use crate::classify::{gradient, normal};
 use crate::volume::{Header, Sample};
@@ -20,6 +21,8 @@ pub(super) struct VisibleScan<'a, T> {
     pub(super) header: &'a Header,
     pub(super) test: &'a VisibilityTest,
     pub(super) channels: Channels,
+    /// The box of samples that are scanned; the others are there for gradients only.
+    pub(super) kept: &'a Region,
 }
 
 impl<T: Sample> VisibleScan<'_, T> {
@@ -31,16 +34,18 @@ impl<T: Sample> VisibleScan<'_, T> {
         row: &mut RowArrays,
         gradient: &dyn Fn(usize, usize) -> [f64; 3],
     ) -> (SpilledRows, SampleSummary) {
-        let VisibleScan { samples: slice, header, test, channels } = *self;
+        let VisibleScan { samples: slice, header, test, channels, kept } = *self;
         let dims = header.grid.dims.map(|points| points as usize);
         let width = dims[0];
         let mut visible = SpilledRows::default();
         let ends = test.ends::<T>();
         let mut range = RawRange::default();
         let mut unnamed = UnnamedLabels::default();
+        let xs = kept.xs.start as usize..kept.xs.end as usize;
         for y in block.rows.clone() {
-            let line = &slice[y as usize * width..][..width];
-            for (samples, first) in line.chunks(BLOCK).zip((0..).step_by(BLOCK)) {
+            let is_kept = kept.zs.contains(&block.z) && kept.ys.contains(&y);
+            let line = if is_kept { &slice[y as usize * width..][xs.clone()] } else { &[] };
+            for (samples, first) in line.chunks(BLOCK).zip((xs.start..).step_by(BLOCK)) {
                 let ends_here = range.add(samples);
                 test.add_unnamed(samples, &mut unnamed);
                 let (Some([low, high]), Some([lowest, highest])) = (ends, ends_here) else { continue };

@@ -92,7 +92,7 @@ impl SpilledRows {
 }
 
 /// All visible voxels of a volume, with raw samples instead of codes.
-pub(super) struct SpilledVoxels {
+pub(crate) struct SpilledVoxels {
     pub(super) dims: [u32; 3],
     pub(super) sample_type: SampleType,
     pub(super) widths: VoxelWidths,
@@ -102,7 +102,7 @@ pub(super) struct SpilledVoxels {
     /// Directory of the current slice, which starts at byte `start` of the store.
     directory: Vec<u64>,
     start: u64,
-    pub(super) voxels: u64,
+    pub(crate) voxels: u64,
 }
 
 impl SpilledVoxels {

@@ -1,5 +1,7 @@
 //! Statistics of the samples that a build reads.
 
+use serde::{Deserialize, Serialize};
+
 use crate::volume::{Header, Sample};
 
 /// Statistics of the samples that a build has read.
@@ -27,7 +29,7 @@ pub struct SampleSummary {
 }
 
 /// Labels of a label map that the palette does not name. The label 0, the background, is none of them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct UnnamedLabels {
     /// Number of voxels with such a label.
@@ -106,7 +108,7 @@ impl Default for SampleSummary {
 }
 
 impl SampleSummary {
-    pub(super) fn join(&mut self, other: &SampleSummary) {
+    pub(crate) fn join(&mut self, other: &SampleSummary) {
         self.lowest = self.lowest.min(other.lowest);
         self.highest = self.highest.max(other.highest);
         self.not_finite += other.not_finite;

@@ -3,6 +3,8 @@
 //! If the samples are whole numbers, and the range holds few enough of them or of multiples of their common step, each
 //! sample has its own code and is restored bit for bit. Otherwise codes are spread evenly: `low + code * step`.
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 use crate::volume::SampleType;
 
@@ -18,7 +20,7 @@ pub struct Quantiser {
 }
 
 /// Whole numbers that occur in a volume, before slope and intercept.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WholeNumbers {
     /// The lowest one.
     pub lowest: i64,

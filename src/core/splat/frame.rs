@@ -7,7 +7,7 @@ use std::ops::Range;
 use bytemuck::Zeroable;
 use glam::Vec4;
 
-use super::require_pixels;
+use super::{Mode, require_pixels};
 use crate::error::{Error, Result};
 use crate::parallel::in_parts;
 
@@ -82,6 +82,24 @@ impl Frame {
                 *channel += clear * behind;
             }
             pixel[3] = 1.0;
+        }
+    }
+
+    /// Puts `farther` behind the picture: what it shows lies behind all that the picture shows.
+    ///
+    /// In [`Mode::Composite`] colours are seen through what is clear; in [`Mode::Additive`] depths add up. Pictures in the
+    /// maximum modes cannot be put together, as colours do not say which value was the largest.
+    ///
+    /// # Panics
+    /// If the sizes differ.
+    pub fn put_behind(&mut self, farther: &Frame, mode: Mode) {
+        assert_eq!(self.size, farther.size, "pictures of one size");
+        for (near, far) in self.pixels.chunks_exact_mut(4).zip(farther.pixels.chunks_exact(4)) {
+            let clear = 1.0 - near[3];
+            for (near, far) in near.iter_mut().zip(far) {
+                let clear = if mode == Mode::Additive { 1.0 - *near } else { clear };
+                *near += clear * far;
+            }
         }
     }
 

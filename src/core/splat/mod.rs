@@ -384,3 +384,15 @@ pub struct Stats {
     /// Time of projecting and drawing the voxels, summed over threads, in milliseconds.
     pub draw_ms: f64,
 }
+
+impl Stats {
+    /// Adds the counts and times of another part of the frame, which was drawn after this one.
+    pub(crate) fn add(&mut self, part: &Stats) {
+        self.splats_drawn += part.splats_drawn;
+        self.splats_skipped += part.splats_skipped;
+        self.bands = self.bands.max(part.bands);
+        self.frame_ms += part.frame_ms;
+        self.walk_ms += part.walk_ms;
+        self.draw_ms += part.draw_ms;
+    }
+}

@@ -1,6 +1,6 @@
 //! Outlines: how far visible voxels reach in any direction, and cameras that fit them into a picture.
 //!
-//! In: the lane along x (or boxes of voxels), and orbits. Out: cameras in which what is visible fills [`FILL`] of the
+//! In: the lane along x (or those of several bricks, or boxes of voxels), and orbits. Out: cameras in which what is visible fills [`FILL`] of the
 //! picture's width or height.
 
 use glam::DVec3;
@@ -34,8 +34,8 @@ pub struct Outline<'a> {
 enum Voxels<'a> {
     /// All voxels of these boxes.
     Boxes(Vec<VoxelBox>),
-    /// The visible voxels of the lane along x.
-    Lane(Lane<'a>),
+    /// The visible voxels of lanes along x, each with the place of its lowest point in the grid.
+    Lanes(Vec<([u16; 3], Lane<'a>)>),
 }
 
 impl<'a> Outline<'a> {
@@ -45,10 +45,7 @@ impl<'a> Outline<'a> {
         if boxes.is_empty() {
             boxes.push(whole(grid));
         }
-        let around = boxes[1..].iter().fold(boxes[0], |around, part| VoxelBox {
-            low: std::array::from_fn(|a| around.low[a].min(part.low[a])),
-            high: std::array::from_fn(|a| around.high[a].max(part.high[a])),
-        });
+        let around = boxes.iter().copied().reduce(around).expect("there is a box");
         Outline::new(grid, Voxels::Boxes(boxes), around)
     }
 
@@ -56,10 +53,18 @@ impl<'a> Outline<'a> {
     ///
     /// If there are none, all voxels of the grid or of the crop count.
     pub fn of_lane(grid: &Grid, lane: Lane<'a>, crop: Option<VoxelBox>) -> Outline<'a> {
-        let visible = lane.bounds().map(|(low, high)| VoxelBox { low, high });
+        Outline::of_lanes(grid, vec![([0; 3], lane)], crop)
+    }
+
+    /// Returns the outline of the visible voxels of several lanes along x, as [`Outline::of_lane`] does; with each lane comes
+    /// the place of its lowest point in `grid`.
+    pub fn of_lanes(grid: &Grid, lanes: Vec<([u16; 3], Lane<'a>)>, crop: Option<VoxelBox>) -> Outline<'a> {
+        let of_lane =
+            |(at, lane): &([u16; 3], Lane)| lane.bounds().map(|(low, high)| moved(VoxelBox { low, high }, *at));
+        let visible = lanes.iter().filter_map(of_lane).reduce(around);
         let within = crop.or(visible).unwrap_or_else(|| whole(grid));
         if visible.is_some_and(|visible| visible.meets(&within)) {
-            Outline::new(grid, Voxels::Lane(lane), within)
+            Outline::new(grid, Voxels::Lanes(lanes), within)
         } else {
             Outline::of_boxes(grid, [within])
         }
@@ -86,7 +91,10 @@ impl<'a> Outline<'a> {
         };
         let reached = match &self.voxels {
             Voxels::Boxes(boxes) => boxes.iter().map(farthest).fold(f64::NEG_INFINITY, f64::max),
-            Voxels::Lane(lane) => self.farthest_voxel(lane, &farthest),
+            Voxels::Lanes(lanes) => {
+                let farthest = lanes.iter().map(|(at, lane)| self.farthest_voxel(*at, lane, &farthest));
+                farthest.fold(f64::NEG_INFINITY, f64::max)
+            }
         };
         let reached = if reached.is_finite() { reached } else { farthest(&self.within) };
         let cell = slope.iter().map(|part| part.abs() / 2.0).sum::<f64>();
@@ -95,18 +103,19 @@ impl<'a> Outline<'a> {
 
     /// Returns the largest `farthest` of a voxel. Lines are read of those tiles only whose boxes reach farther than
     /// the voxels found so far, first of the one that reaches farthest: O(tiles).
-    fn farthest_voxel(&self, lane: &Lane, farthest: &dyn Fn(&VoxelBox) -> f64) -> f64 {
-        let bound = |tile: &TileRecord| self.inside(&tile_bounds(lane, tile)).map(|part| farthest(&part));
+    fn farthest_voxel(&self, at: [u16; 3], lane: &Lane, farthest: &dyn Fn(&VoxelBox) -> f64) -> f64 {
+        let bound = |tile: &TileRecord| self.inside(&moved(tile_bounds(lane, tile), at)).map(|part| farthest(&part));
         let in_tile = |tile: &TileRecord| {
             let lines = lane.tile_lines(tile, u64::MAX);
             let ends = lines.filter(|line| line.records.len() <= lane.dims[0] as usize).filter_map(|line| {
-                let at = |x: u32| [x, line.u, line.v].map(|c| u16::try_from(c).unwrap_or(u16::MAX));
-                let in_box = |&(x, record): &(u32, usize)| {
-                    lane.shows(record) && self.inside(&VoxelBox { low: at(x), high: at(x) }).is_some()
+                let voxel = |x: u32| {
+                    let place = [x, line.u, line.v].map(|c| u16::try_from(c).unwrap_or(u16::MAX));
+                    moved(VoxelBox { low: place, high: place }, at)
                 };
+                let in_box = |&(x, record): &(u32, usize)| lane.shows(record) && self.inside(&voxel(x)).is_some();
                 let mut voxels = lane.line_voxels(line.records.clone()).filter(in_box).map(|(x, _)| x);
                 let first = voxels.next()?;
-                Some(farthest(&VoxelBox { low: at(first), high: at(voxels.last().unwrap_or(first)) }))
+                Some(farthest(&around(voxel(first), voxel(voxels.last().unwrap_or(first)))))
             });
             ends.fold(f64::NEG_INFINITY, f64::max)
         };
@@ -123,6 +132,20 @@ impl<'a> Outline<'a> {
             low: std::array::from_fn(|a| part.low[a].max(self.within.low[a])),
             high: std::array::from_fn(|a| part.high[a].min(self.within.high[a])),
         })
+    }
+}
+
+/// Returns a box moved by `at`; in damaged files it ends where coordinates do.
+fn moved(VoxelBox { low, high }: VoxelBox, at: [u16; 3]) -> VoxelBox {
+    let moved = |corner: [u16; 3]| std::array::from_fn(|a| corner[a].saturating_add(at[a]));
+    VoxelBox { low: moved(low), high: moved(high) }
+}
+
+/// Returns the smallest box around two.
+fn around(one: VoxelBox, other: VoxelBox) -> VoxelBox {
+    VoxelBox {
+        low: std::array::from_fn(|a| one.low[a].min(other.low[a])),
+        high: std::array::from_fn(|a| one.high[a].max(other.high[a])),
     }
 }
 

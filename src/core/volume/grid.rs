@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 
 use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
@@ -58,7 +59,7 @@ impl Axis {
 ///
 /// Point `i` lies at `origin + direction * (spacing .* i)`. World axes are right-handed. Where a file names an
 /// anatomical frame they are R, A, S: x to the patient's right, y to the front, z to the head.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Grid {
     /// Number of points along x, y, z; each 1 to [`MAX_DIM`].
     pub dims: [u32; 3],
@@ -164,6 +165,17 @@ impl Grid {
     pub fn axes_from_world(&self, vector: [f64; 3]) -> [f64; 3] {
         let axes = DMat3::from_cols_array_2d(&self.direction);
         (axes.inverse() * DVec3::from_array(vector)).to_array()
+    }
+
+    /// Returns the grid of the `size` points from point `low` on, which keep their positions in the world.
+    pub(crate) fn part(&self, low: [u32; 3], size: [u32; 3]) -> Grid {
+        let mut part = Grid { dims: size, ..self.clone() };
+        for (a, low) in low.into_iter().enumerate() {
+            for w in 0..3 {
+                part.origin[w] += self.direction[a][w] * (self.spacing[a] * f64::from(low));
+            }
+        }
+        part
     }
 
     /// Returns the number of samples in one z-slice.

@@ -139,6 +139,11 @@ impl SlabSource for VolumeSlices<'_> {
         Ok(())
     }
 
+    fn skip_slices(&mut self, count: u32) -> Result<()> {
+        self.next += count as usize;
+        Ok(())
+    }
+
     fn rewind(&mut self) -> Result<()> {
         self.next = 0;
         Ok(())

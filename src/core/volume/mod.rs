@@ -5,11 +5,13 @@
 
 mod grid;
 pub(crate) mod memory;
+mod part;
 pub mod phantom;
 mod samples;
 pub(crate) mod source;
 
 pub use grid::{Axis, Grid, MAX_DIM, SPACINGS};
 pub use memory::{IntoSlices, Volume, VolumeSlices};
+pub use part::PartSource;
 pub use samples::{Sample, SampleType, Samples};
 pub use source::{Header, SlabSource, StatedLabel};

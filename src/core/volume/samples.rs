@@ -1,11 +1,13 @@
 //! Samples of the eight supported types, in native-endian buffers.
 
 use bytemuck::Pod;
+use serde::{Deserialize, Serialize};
 
 use crate::with_samples;
 
 /// The type of a volume's samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 #[expect(missing_docs, reason = "the names are Rust's own")]
 pub enum SampleType {
     U8,

@@ -76,6 +76,18 @@ pub trait SlabSource: Send {
     /// The file cannot be read, ends early, or its packed samples do not match its header.
     fn read_slice(&mut self, slice: &mut Samples) -> Result<()>;
 
+    /// Passes over the next `count` slices, at most as many as there are.
+    ///
+    /// # Errors
+    /// The errors of [`SlabSource::read_slice`].
+    fn skip_slices(&mut self, count: u32) -> Result<()> {
+        if count > 0 {
+            let mut slice = self.header().new_slice()?;
+            (0..count).try_for_each(|_| self.read_slice(&mut slice))?;
+        }
+        Ok(())
+    }
+
     /// Returns to slice 0.
     ///
     /// # Errors
@@ -112,6 +124,10 @@ macro_rules! by_pointer {
 
             fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
                 (**self).read_slice(slice)
+            }
+
+            fn skip_slices(&mut self, count: u32) -> Result<()> {
+                (**self).skip_slices(count)
             }
 
             fn rewind(&mut self) -> Result<()> {

@@ -1,0 +1,180 @@
+//! Opening a collection: its manifest, and its bricks one by one.
+//!
+//! In: a folder. Out: [`Collection`], in which a brick that is missing, damaged or of another build is a fault with the
+//! brick's name; the others can still be joined and drawn.
+
+use std::path::{Path, PathBuf};
+
+use super::joined::JoinedRows;
+use super::manifest::{BrickEntry, Manifest, fingerprint};
+use crate::arena::lanes::DerivedLanes;
+use crate::arena::layout::Facts;
+use crate::arena::{Checked, LaneRows, Rows};
+use crate::build::Observer;
+use crate::error::{Error, Result};
+use crate::file::{AdjFile, RowsOutput, write_rows};
+use crate::limits::Limits;
+use crate::volume::{Axis, Grid};
+
+/// An open collection: a manifest, and the bricks that fit it.
+#[derive(Debug)]
+pub struct Collection {
+    path: PathBuf,
+    manifest: Manifest,
+    bricks: Vec<Brick>,
+    faults: Vec<Error>,
+}
+
+/// A brick of an open collection.
+#[derive(Debug)]
+pub struct Brick {
+    /// What the manifest says of the brick.
+    pub entry: BrickEntry,
+    /// The brick's file, memory-mapped; `None` if it has no voxels, or a fault.
+    pub file: Option<AdjFile>,
+    pub(super) derived: DerivedLanes,
+}
+
+impl Collection {
+    /// Opens the collection in the folder `path`, with default limits.
+    ///
+    /// # Errors
+    /// The errors of [`Collection::open_with`].
+    pub fn open(path: impl AsRef<Path>) -> Result<Collection> {
+        Collection::open_with(path, &Limits::default())
+    }
+
+    /// Opens a collection that need not be trusted. Reads the manifest and the bricks' headers.
+    ///
+    /// What is wrong with single bricks is no error here: see [`Collection::faults`].
+    ///
+    /// # Errors
+    /// The errors of [`Manifest::read`].
+    pub fn open_with(path: impl AsRef<Path>, limits: &Limits) -> Result<Collection> {
+        let path = path.as_ref().to_path_buf();
+        let manifest = Manifest::read(&path, limits)?;
+        let (mut bricks, mut faults) = (Vec::new(), Vec::new());
+        for entry in &manifest.bricks {
+            let opened = entry.file.as_ref().map(|name| opened(&path.join(name), entry, &manifest, limits)).transpose();
+            let file = opened.unwrap_or_else(|fault| {
+                faults.push(fault);
+                None
+            });
+            bricks.push(Brick { entry: entry.clone(), file, derived: DerivedLanes::new(limits.derived_bytes) });
+        }
+        Ok(Collection { path, manifest, bricks, faults })
+    }
+
+    /// Returns whether `path` is a collection: a folder with a manifest.
+    pub fn is_at(path: &Path) -> bool {
+        path.join(super::MANIFEST).is_file()
+    }
+
+    /// Returns the collection's folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Returns the manifest.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// Returns the bricks by ascending z, then y, then x.
+    pub fn bricks(&self) -> &[Brick] {
+        &self.bricks
+    }
+
+    /// Returns the grid of the whole.
+    pub fn grid(&self) -> &Grid {
+        &self.manifest.grid
+    }
+
+    /// Returns what is wrong with bricks, an error for each that names its file: missing, damaged, of another build.
+    pub fn faults(&self) -> &[Error] {
+        &self.faults
+    }
+
+    /// Refuses a collection that lacks bricks.
+    ///
+    /// # Errors
+    /// [`Error::Input`] that says how many bricks cannot be used, and names the first with its fault.
+    pub fn require_all(&self) -> Result<()> {
+        let Some(first) = self.faults.first() else { return Ok(()) };
+        let (count, all) = (self.faults.len(), self.bricks.len());
+        Err(Error::input(self.path.display().to_string(), format!("{count} of {all} bricks cannot be used; {first}")))
+    }
+
+    /// Checks every byte of every brick; returns what is wrong, an error for each brick.
+    pub fn check(&self) -> Vec<Error> {
+        self.bricks.iter().filter_map(|brick| brick.check().err()).collect()
+    }
+
+    /// Returns the visible voxels of all bricks without faults, as rows of the whole grid.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if a file was changed in place since it was opened.
+    pub fn rows(&self) -> Result<impl Rows + '_> {
+        let Manifest { channels, grid, .. } = &self.manifest;
+        let mut bricks = Vec::new();
+        for Brick { entry, file, .. } in &self.bricks {
+            let Some(file) = file else { continue };
+            let lane = file.arena()?.lane(Axis::X).expect("every arena that opens has the lane along x");
+            let rows: Box<dyn Rows> = Box::new(LaneRows::new(lane, |_, _, record| Some(record)));
+            bricks.push((entry.region(), rows));
+        }
+        Ok(JoinedRows { dims: grid.dims, channels: *channels, bricks })
+    }
+
+    /// Joins the bricks to an `.adj` file at `path`, with bounded memory; returns its header facts and length in bytes.
+    ///
+    /// Without faults it has the bytes of the file that one build of the whole volume makes. Bricks with faults are left
+    /// out: ask [`Collection::require_all`] first.
+    ///
+    /// # Errors
+    /// The errors of [`write_rows`].
+    pub fn join(
+        &self,
+        path: &Path,
+        memory: Option<u64>,
+        threads: usize,
+        observer: &mut dyn Observer,
+    ) -> Result<(Facts, u64)> {
+        let (facts, description) = (self.manifest.facts(), self.manifest.description());
+        let output = RowsOutput { facts, description, lane_count: self.manifest.lanes, memory, threads };
+        write_rows(path, &self.rows()?, &output, observer)
+    }
+}
+
+impl Brick {
+    /// Checks every byte of the brick's file; `None` if it has none.
+    ///
+    /// # Errors
+    /// [`Error::Format`] with the first broken rule.
+    pub fn check(&self) -> Result<Option<Checked>> {
+        let Some(file) = &self.file else { return Ok(None) };
+        let checked = file.arena()?.check();
+        checked.map(Some).map_err(|fault| Error::Format { path: file.path().to_path_buf(), fault })
+    }
+}
+
+/// Opens a brick, and compares it with what the manifest says of it.
+fn opened(path: &Path, entry: &BrickEntry, manifest: &Manifest, limits: &Limits) -> Result<AdjFile> {
+    let wrong = |why: &str| Err(Error::input(path.display().to_string(), why));
+    if !path.exists() {
+        return wrong("is missing; copy it into the folder again, or build it again");
+    }
+    let file = AdjFile::open_with(path, limits)?;
+    let arena = file.arena()?;
+    let facts = arena.facts();
+    if (facts.channels, facts.scales) != (manifest.channels, manifest.scales) {
+        return wrong("has other codes than the collection; build it again with the collection's plan");
+    }
+    if facts.grid != entry.region().grid(&manifest.grid) {
+        return wrong("has another grid than its place in the collection");
+    }
+    if facts.visible_voxels != entry.visible_voxels || Some(fingerprint(arena.fingerprint())) != entry.fingerprint {
+        return wrong("is of another build than the collection's manifest; build it again, or restore the old file");
+    }
+    Ok(file)
+}

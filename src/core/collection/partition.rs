@@ -1,0 +1,114 @@
+//! Partitions: a grid cut into boxes, the cells of a lattice.
+//!
+//! In: where to cut each axis. Out: the boxes, and their order from a viewpoint. A plane separates any two cells, so the
+//! sum of a cell's ranks along the axes orders them: of two cells that one ray meets, the nearer one has the lower rank
+//! along an axis, and along no axis a higher one.
+
+use crate::arena::Region;
+use crate::error::{Error, Result};
+use crate::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
+use crate::volume::Axis;
+
+/// Most boxes of a partition.
+const MOST_BOXES: u64 = 1 << 20;
+
+/// A grid that is cut into boxes by planes across its axes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Partition {
+    /// For each axis: the first coordinate of each layer of boxes, ascending from 0, and the number of points.
+    cuts: [Vec<u32>; 3],
+}
+
+impl Partition {
+    /// Cuts a grid of `dims` points into boxes of at most `size` points along x, y, z; 0 does not cut an axis.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] if there are more than a million boxes.
+    pub fn into_boxes(dims: [u32; 3], size: [u32; 3]) -> Result<Partition> {
+        let along = |a: usize| {
+            let step = if size[a] == 0 { dims[a] } else { size[a] };
+            (0..dims[a]).step_by(step.max(1) as usize).chain([dims[a]]).collect::<Vec<u32>>()
+        };
+        let counted = (0..3).map(|a| u64::from(dims[a].div_ceil(if size[a] == 0 { dims[a].max(1) } else { size[a] })));
+        let need = counted.product();
+        if need > MOST_BOXES {
+            return Err(Error::Limit {
+                what: "bricks of a collection (take larger ones)".into(),
+                need,
+                have: MOST_BOXES,
+            });
+        }
+        Ok(Partition { cuts: [along(0), along(1), along(2)] })
+    }
+
+    /// Cuts a grid of `dims` points into slabs of at most `thickness` slices across `axis`.
+    ///
+    /// # Errors
+    /// The errors of [`Partition::into_boxes`].
+    pub fn into_slabs(dims: [u32; 3], axis: Axis, thickness: u32) -> Result<Partition> {
+        let mut size = [0; 3];
+        size[axis.index()] = thickness;
+        Partition::into_boxes(dims, size)
+    }
+
+    /// Returns the partition whose boxes are `boxes`, by ascending z, then y, then x; `None` if they are no cells of a
+    /// lattice that fills a grid of `dims` points, each once and in this order.
+    pub fn of_boxes(dims: [u32; 3], boxes: &[Region]) -> Option<Partition> {
+        let mut cuts: [Vec<u32>; 3] = std::array::from_fn(|a| boxes.iter().map(|part| part.low()[a]).collect());
+        for (cuts, points) in cuts.iter_mut().zip(dims) {
+            cuts.push(points);
+            cuts.sort_unstable();
+            cuts.dedup();
+        }
+        let partition = Partition { cuts };
+        (partition.len() == boxes.len() && partition.boxes().eq(boxes.iter().cloned())).then_some(partition)
+    }
+
+    /// Returns the number of boxes.
+    #[expect(clippy::len_without_is_empty, reason = "a grid has at least one point, so there is a box")]
+    pub fn len(&self) -> usize {
+        self.cuts.iter().map(|cuts| cuts.len().saturating_sub(1)).fold(1, usize::saturating_mul)
+    }
+
+    /// Iterates over the boxes by ascending z, then y, then x.
+    pub fn boxes(&self) -> impl Iterator<Item = Region> + '_ {
+        let [xs, ys, zs] = self.cuts.each_ref().map(|cuts| cuts.windows(2).map(|ends| ends[0]..ends[1]));
+        zs.flat_map(move |zs| {
+            let xs = xs.clone();
+            ys.clone().flat_map(move |ys| {
+                let zs = zs.clone();
+                xs.clone().map(move |xs| Region { xs, ys: ys.clone(), zs: zs.clone() })
+            })
+        })
+    }
+
+    /// Returns the indices of all boxes, nearest first, in an order in which no box hides an earlier one.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the viewpoint cannot be used.
+    pub fn front_to_back(&self, viewpoint: Viewpoint) -> Result<Vec<usize>> {
+        let dims = self.cuts.each_ref().map(|cuts| *cuts.last().expect("every axis ends"));
+        let order = Order::new(viewpoint, dims, Sense::FrontToBack, SplitForm::default())?;
+        let ranks: [Vec<usize>; 3] = std::array::from_fn(|a| {
+            let layers = self.cuts[a].len() - 1;
+            match order.along[a] {
+                AxisOrder::Ascending => (0..layers).collect(),
+                AxisOrder::Descending => (0..layers).rev().collect(),
+                AxisOrder::TwoSided { eye, .. } => {
+                    // A box ends half-way between its last point and the next box's first.
+                    let before = self.cuts[a][..layers].partition_point(|&cut| f64::from(cut) - 0.5 <= eye);
+                    let own = before.saturating_sub(1);
+                    (0..layers).map(|layer| layer.abs_diff(own)).collect()
+                }
+            }
+        });
+        let [columns, rows] = [ranks[0].len(), ranks[1].len()];
+        let rank = |index: &usize| {
+            let layers = [index % columns, index / columns % rows, index / (columns * rows)];
+            (0..3).map(|a| ranks[a][layers[a]]).sum::<usize>()
+        };
+        let mut indices: Vec<usize> = (0..self.len()).collect();
+        indices.sort_by_key(rank);
+        Ok(indices)
+    }
+}

@@ -1,0 +1,121 @@
+//! Pictures of a collection, brick by brick: each brick is drawn alone, and its picture put behind those of nearer bricks.
+//!
+//! Optical depths of a pixel add up to the same sum, so alpha is exact. Colours are exact where a view looks along the
+//! cuts' axis; elsewhere splats that reach across a cut are composited a brick at a time (docs/studies/collections.md has
+//! the measured differences).
+
+use super::{Brick, Collection};
+use crate::arena::{Arena, Lane};
+use crate::classify::TransferFunction;
+use crate::error::{Error, Result};
+use crate::splat::camera::ToCamera;
+use crate::splat::{Camera, Frame, Lanes, Outline, Scene, Settings, Stats, View, cpu};
+use crate::traverse::VoxelBox;
+use crate::volume::Axis;
+
+impl Collection {
+    /// Returns the [`Camera`] of an orbit around the visible voxels of all bricks, as a picture of the joined file has it.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a number of the orbit is out of its range; [`Error::Format`] if a file was changed in place.
+    pub fn camera(&self, camera: &impl ToCamera, settings: &Settings) -> Result<Camera> {
+        camera.to_camera(&self.outline(settings.crop)?, settings.size)
+    }
+
+    /// Returns the outline of the visible voxels of all bricks; with a `crop`, of those in that box.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if a file was changed in place since it was opened.
+    pub fn outline(&self, crop: Option<VoxelBox>) -> Result<Outline<'_>> {
+        let mut lanes = Vec::new();
+        for brick in self.bricks() {
+            let Some(file) = &brick.file else { continue };
+            let lane = file.arena()?.lane(Axis::X).expect("every arena that opens has the lane along x");
+            lanes.push((corner(brick.entry.low), lane));
+        }
+        Ok(Outline::of_lanes(self.grid(), lanes, crop))
+    }
+
+    /// Returns the indices of the bricks, the nearest first: none hides an earlier one.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the camera cannot be used.
+    pub fn front_to_back(&self, camera: &Camera, settings: &Settings) -> Result<Vec<usize>> {
+        let view = View::new(camera, self.grid(), settings.size, settings.kernel(), settings.near)?;
+        let partition = self.manifest().partition().expect("the manifest was checked");
+        partition.front_to_back(view.viewpoint)
+    }
+
+    /// Draws brick `index` alone, with the transfer function of the whole; `None` if nothing of it is to be drawn.
+    ///
+    /// # Errors
+    /// The errors of [`cpu::render`].
+    pub fn render_brick(
+        &self,
+        index: usize,
+        transfer: &TransferFunction,
+        camera: &Camera,
+        settings: &Settings,
+    ) -> Result<Option<(Frame, Stats)>> {
+        let brick = &self.bricks()[index];
+        let Some(file) = &brick.file else { return Ok(None) };
+        let Some(crop) = cropped(settings.crop, brick.entry.low, brick.entry.size) else { return Ok(None) };
+        let lanes = BrickLanes(brick, file.arena()?);
+        let scene = Scene { facts: lanes.1.facts(), lanes: &lanes, transfer };
+        let settings = Settings { crop, ..settings.clone() };
+        cpu::render(&scene, camera, &settings).map(Some)
+    }
+
+    /// Draws a picture brick by brick, on the processor; returns it with the sums of the bricks' counts and times.
+    ///
+    /// Bricks with faults are left out: ask [`Collection::require_all`] first.
+    ///
+    /// # Errors
+    /// [`Error::Input`] in the maximum modes, whose values are interpolated across bricks: join them first; the errors of
+    /// [`cpu::render`].
+    pub fn render(&self, transfer: &TransferFunction, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
+        if settings.mode.is_maximum() {
+            let why = "interpolates between bricks, so it cannot be drawn brick by brick; join them first";
+            return Err(Error::input("mode maximum", why));
+        }
+        let mut picture = Frame::transparent(settings.size)?;
+        let mut all = Stats::default();
+        for index in self.front_to_back(camera, settings)? {
+            let Some((frame, stats)) = self.render_brick(index, transfer, camera, settings)? else { continue };
+            if stats.splats_drawn > 0 {
+                picture.put_behind(&frame, settings.mode);
+            }
+            all.add(&stats);
+        }
+        Ok((picture, all))
+    }
+}
+
+/// The lanes of a brick with a file, stored or derived.
+struct BrickLanes<'a>(&'a Brick, Arena<'a>);
+
+impl Lanes for BrickLanes<'_> {
+    fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
+        self.0.derived.lane(&self.1, axis)
+    }
+}
+
+fn corner(low: [u32; 3]) -> [u16; 3] {
+    low.map(|c| u16::try_from(c).expect("a grid has at most 65,535 points an axis"))
+}
+
+/// Returns the part of `crop` in a brick, counted from the brick's lowest point; `None` if there is none. No crop stays none.
+#[expect(clippy::option_option, reason = "whether to draw, and what of it")]
+fn cropped(crop: Option<VoxelBox>, low: [u32; 3], size: [u32; 3]) -> Option<Option<VoxelBox>> {
+    let Some(crop) = crop else { return Some(None) };
+    let mut part = crop;
+    for a in 0..3 {
+        let (first, last) = (low[a], low[a] + size[a] - 1);
+        let (from, to) = (u32::from(crop.low[a]).max(first), u32::from(crop.high[a]).min(last));
+        if from > to {
+            return None;
+        }
+        [part.low[a], part.high[a]] = [from - low[a], to - low[a]].map(|c| u16::try_from(c).expect("inside a brick"));
+    }
+    Some(Some(part))
+}

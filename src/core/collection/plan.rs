@@ -1,0 +1,413 @@
+//! Building a collection: a plan that travels as JSON, and steps that any engine can call on any machine.
+//!
+//! ```text
+//! plan = Plan::new(header, options, brick size)
+//! until plan.is_agreed():      for each brick, anywhere:  plan.scan(brick, its samples) -> findings
+//!                              plan = plan.agree(all findings)
+//! for each brick, anywhere:    plan.build(brick, its samples, folder) -> entry
+//! plan.finish(folder, all entries) -> Collection
+//! ```
+//!
+//! A step's result depends on its arguments alone, so a step that failed, or whose machine did, is simply done again. One
+//! scan is enough for samples of 8 bits and where codes are spread over a given range; two where they are spread over the
+//! range of the data and lose something; one more where opacity depends on the largest gradient.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::joined::RowsWithin;
+use super::manifest::{BrickEntry, Manifest, brick_description};
+use super::split::write_brick;
+use super::{Collection, Partition};
+use crate::arena::Region;
+use crate::arena::layout::Facts;
+use crate::build::budget::Budget;
+use crate::build::builder::{keep_visible, survey};
+use crate::build::classified::ClassifiedRows;
+use crate::build::codes::{CodeLoss, choose_codes};
+use crate::build::description::{Source, describe};
+use crate::build::encoder::{VoxelEncoder, nothing_visible};
+use crate::build::{BuildOptions, Observer, Resources, SampleSummary, UnnamedLabels};
+use crate::classify::WholeNumbers;
+use crate::error::{Error, Result};
+use crate::file::RowsOutput;
+use crate::volume::{Grid, Header, SampleType, SlabSource};
+
+/// How the bricks of a volume are built: what all bricks have in common, and what scans have found so far.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Plan {
+    grid: Grid,
+    sample_type: SampleType,
+    slope: f64,
+    intercept: f64,
+    name: String,
+    format: String,
+    options: BuildOptions,
+    /// Most grid points of a brick along x, y, z; 0 where an axis is not cut.
+    brick: [u32; 3],
+    found: Findings,
+}
+
+/// What scans of a volume, or of its bricks, have found.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Findings {
+    /// The largest gradient magnitude, where visibility depends on it.
+    largest_magnitude: Option<f64>,
+    samples: Option<SampleFindings>,
+    /// What codes of 8 and of 16 bits lose; `None` where that was not asked for.
+    losses: [Option<CodeLoss>; 2],
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct SampleFindings {
+    /// The lowest and the highest finite value; `None` if there is none.
+    range: Option<[f64; 2]>,
+    not_finite: u64,
+    unnamed: UnnamedLabels,
+    visible_voxels: u64,
+    /// The whole numbers that the visible samples are; `None` if one is not whole.
+    whole: Option<WholeNumbers>,
+}
+
+impl SampleFindings {
+    fn join(&mut self, other: &SampleFindings) {
+        let mut summary = self.summary();
+        summary.join(&other.summary());
+        self.whole = match (self.visible_voxels, other.visible_voxels) {
+            (0, _) => other.whole,
+            (_, 0) => self.whole,
+            _ => self.whole.zip(other.whole).map(|(one, other)| one.and(other)),
+        };
+        self.range = (summary.lowest <= summary.highest).then_some([summary.lowest, summary.highest]);
+        self.not_finite = summary.not_finite;
+        self.unnamed = summary.unnamed;
+        self.visible_voxels += other.visible_voxels;
+    }
+
+    fn summary(&self) -> SampleSummary {
+        let [lowest, highest] = self.range.unwrap_or([f64::INFINITY, f64::NEG_INFINITY]);
+        SampleSummary {
+            lowest,
+            highest,
+            not_finite: self.not_finite,
+            unnamed: self.unnamed,
+            ..SampleSummary::default()
+        }
+    }
+}
+
+impl Findings {
+    fn join(&mut self, other: &Findings) {
+        let larger = |one: Option<f64>, other: Option<f64>| one.into_iter().chain(other).reduce(f64::max);
+        self.largest_magnitude = larger(self.largest_magnitude, other.largest_magnitude);
+        join_option(&mut self.samples, other.samples, SampleFindings::join);
+        for (loss, other) in self.losses.iter_mut().zip(other.losses) {
+            join_option(loss, other, CodeLoss::join);
+        }
+    }
+}
+
+fn join_option<T>(one: &mut Option<T>, other: Option<T>, join: impl Fn(&mut T, &T)) {
+    match (one.as_mut(), other) {
+        (Some(one), Some(other)) => join(one, &other),
+        (None, other) => *one = other,
+        (Some(_), None) => {}
+    }
+}
+
+/// What the next scan looks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    LargestMagnitude,
+    Samples,
+    Losses,
+    Agreed,
+}
+
+impl Plan {
+    /// Plans bricks of at most `brick` points along x, y, z (0 does not cut an axis) of the volume that `header` describes.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if an option or the grid is out of range; [`Error::Limit`] if there are more than a million bricks.
+    pub fn new(header: &Header, options: BuildOptions, brick: [u32; 3]) -> Result<Plan> {
+        options.check()?;
+        header.grid.check()?;
+        Partition::into_boxes(header.grid.dims, brick)?;
+        let Header { grid, sample_type, slope, intercept, name, format } = header.clone();
+        let found = Findings::default();
+        Ok(Plan { grid, sample_type, slope, intercept, name, format: format.into(), options, brick, found })
+    }
+
+    /// Reads a plan from the JSON text that [`Plan::to_json`] returned.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it is none.
+    pub fn from_json(text: &str) -> Result<Plan> {
+        let plan: Plan = serde_json::from_str(text).map_err(|error| Error::input("plan", error.to_string()))?;
+        plan.options.check()?;
+        plan.grid.check()?;
+        plan.partition()?;
+        Ok(plan)
+    }
+
+    /// Returns the plan as a JSON text.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string(self).expect("numbers and strings are plain JSON")
+    }
+
+    /// Returns the bricks' boxes.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] if there are more than a million.
+    pub fn partition(&self) -> Result<Partition> {
+        Partition::into_boxes(self.grid.dims, self.brick)
+    }
+
+    /// Returns the box of samples that brick `index` is built from: its own, and those around it that gradients need.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if there is no such brick.
+    pub fn samples_of(&self, index: usize) -> Result<Region> {
+        let (region, ghosts) = (self.region(index)?, self.options.ghosts());
+        let side = |a: usize| {
+            let side = region.sides()[a];
+            side.start.saturating_sub(ghosts)..side.end.saturating_add(ghosts).min(self.grid.dims[a])
+        };
+        Ok(Region { xs: side(0), ys: side(1), zs: side(2) })
+    }
+
+    fn region(&self, index: usize) -> Result<Region> {
+        let partition = self.partition()?;
+        let missing = || Error::input("brick", format!("{index} does not exist; there are {}", partition.len()));
+        partition.boxes().nth(index).ok_or_else(missing)
+    }
+
+    /// Returns whether scans have found all that codes depend on, so that bricks can be built.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if nothing is visible, or if labels need more bits than the options allow.
+    pub fn is_agreed(&self) -> Result<bool> {
+        Ok(self.stage()? == Stage::Agreed)
+    }
+
+    fn stage(&self) -> Result<Stage> {
+        Ok(match &self.found {
+            Findings { largest_magnitude: None, .. } if self.options.needs_survey() => Stage::LargestMagnitude,
+            Findings { samples: None, .. } => Stage::Samples,
+            _ if self.codes()?.is_none() => Stage::Losses,
+            _ => Stage::Agreed,
+        })
+    }
+
+    /// Returns the encoder and what its codes lose; `None` if that is not known yet.
+    fn codes(&self) -> Result<Option<(VoxelEncoder, CodeLoss)>> {
+        let Some(samples) = self.found.samples else { return Ok(None) };
+        if samples.visible_voxels == 0 {
+            return Err(nothing_visible(&samples.summary()));
+        }
+        let loss = |encoder: &VoxelEncoder| Ok(self.found.losses[usize::from(encoder.channels.value_bits == 16)]);
+        choose_codes(&|bits| self.encoder(bits, &samples), self.options.value_bits, || Ok(Some(samples.whole)), loss)
+    }
+
+    fn encoder(&self, bits: u8, samples: &SampleFindings) -> Result<VoxelEncoder> {
+        VoxelEncoder::new(&self.header(), &self.options, bits, &samples.summary(), self.found.largest_magnitude)
+    }
+
+    /// Returns the header of the whole volume.
+    fn header(&self) -> Header {
+        Header {
+            grid: self.grid.clone(),
+            sample_type: self.sample_type,
+            slope: self.slope,
+            intercept: self.intercept,
+            name: self.name.clone(),
+            format: "",
+        }
+    }
+
+    /// Scans brick `index`; `source` has the samples of [`Plan::samples_of`] and is at its first slice.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the samples are of another box or type; the errors of [`classify`](crate::build::classify) but
+    /// that nothing is visible.
+    pub fn scan(
+        &self,
+        index: usize,
+        source: &mut dyn SlabSource,
+        resources: &Resources,
+        observer: &mut dyn Observer,
+    ) -> Result<Findings> {
+        let (header, kept) = self.checked(index, source)?;
+        let mut found = Findings::default();
+        let stage = self.stage()?;
+        if stage == Stage::Agreed {
+            return Ok(found);
+        }
+        let budget = Budget::new(&header, &self.options, resources, source.buffer_bytes())?;
+        let threads = resources.threads.max(1);
+        if stage == Stage::LargestMagnitude {
+            found.largest_magnitude = Some(survey(source, &header, &kept, &self.options, &budget, observer)?);
+            return Ok(found);
+        }
+        // Normals do not matter yet.
+        let options = self.options.clone().with_normal_bits(0);
+        let largest = self.found.largest_magnitude;
+        let (spill, summary) = keep_visible(source, &header, &kept, &options, largest, &budget, resources, observer)?;
+        let samples = SampleFindings {
+            range: (summary.lowest <= summary.highest).then_some([summary.lowest, summary.highest]),
+            not_finite: summary.not_finite,
+            unnamed: summary.unnamed,
+            visible_voxels: spill.voxels,
+            whole: spill.whole_numbers(threads)?,
+        };
+        // Codes over a range that is known beforehand need no second scan.
+        if stage == Stage::Losses || !self.options.needs_data_range(self.sample_type) {
+            let known = self.found.samples.unwrap_or(samples);
+            let candidates = self.options.value_bits.map_or(vec![8, 16], |bits| vec![bits]);
+            for bits in candidates {
+                // Labels that 8 bits do not tell apart have no encoder for them.
+                let Ok(encoder) = self.encoder(bits, &known) else { continue };
+                if !encoder.quantiser.is_lossless() {
+                    found.losses[usize::from(bits == 16)] = Some(spill.loss(&encoder, threads)?);
+                }
+            }
+        }
+        if stage == Stage::Samples {
+            found.samples = Some(samples);
+        }
+        Ok(found)
+    }
+
+    /// Adds what scans of all bricks have found.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if there are not as many findings as bricks.
+    pub fn agree(mut self, findings: &[Findings]) -> Result<Plan> {
+        let bricks = self.partition()?.len();
+        if findings.len() != bricks {
+            let why = format!("are of {} bricks, but there are {bricks}; scan each of them once", findings.len());
+            return Err(Error::input("findings", why));
+        }
+        findings.iter().for_each(|found| self.found.join(found));
+        Ok(self)
+    }
+
+    /// Builds brick `index` as a file in `folder`; `source` has the samples of [`Plan::samples_of`].
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the plan is not agreed, or if the samples are of another box or type; the errors of
+    /// [`classify`](crate::build::classify) and [`write_rows`](crate::file::write_rows).
+    pub fn build(
+        &self,
+        index: usize,
+        source: &mut dyn SlabSource,
+        folder: &Path,
+        resources: &Resources,
+        observer: &mut dyn Observer,
+    ) -> Result<BrickEntry> {
+        let (encoder, loss) = self.agreed()?;
+        let (header, kept) = self.checked(index, source)?;
+        let region = self.region(index)?;
+        let budget = Budget::new(&header, &self.options, resources, source.buffer_bytes())?;
+        let largest = self.found.largest_magnitude;
+        let (spill, _) = keep_visible(source, &header, &kept, &self.options, largest, &budget, resources, observer)?;
+        let voxels = spill.voxels;
+        let facts = Facts { grid: region.grid(&self.grid), visible_voxels: voxels, ..self.facts(&encoder) };
+        let description = brick_description(&self.description(&encoder, &loss)?, &region, self.grid.dims);
+        let rows = ClassifiedRows { spill, encoder };
+        let rows = RowsWithin { rows: &rows, within: kept };
+        let Resources { memory, threads, .. } = *resources;
+        let lane_count = self.options.lane_count;
+        let output = RowsOutput { facts, description: &description, lane_count, memory, threads };
+        write_brick(folder, &region, &rows, voxels, &output, observer)
+    }
+
+    /// Writes the manifest of the bricks in `folder`, which is then a collection. The entries come in any order.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a brick is missing or of another plan; [`Error::Io`] if the manifest cannot be written.
+    pub fn finish(&self, folder: &Path, mut entries: Vec<BrickEntry>) -> Result<Collection> {
+        let (encoder, loss) = self.agreed()?;
+        entries.sort_by_key(|entry| [entry.low[2], entry.low[1], entry.low[0]]);
+        entries.dedup();
+        let regions = entries.iter().map(BrickEntry::region);
+        if !self.partition()?.boxes().eq(regions) {
+            let why = format!("are {}, not one for each of the {} bricks", entries.len(), self.partition()?.len());
+            return Err(Error::input("entries", why));
+        }
+        let facts = self.facts(&encoder);
+        let manifest = Manifest::new(&facts, self.options.lane_count, &self.description(&encoder, &loss)?, entries)?;
+        if manifest.visible_voxels != facts.visible_voxels {
+            let why = format!(
+                "{} voxels are visible, {} were when it was scanned",
+                manifest.visible_voxels, facts.visible_voxels
+            );
+            return Err(Error::input("the volume changed while it was read", why));
+        }
+        manifest.write(folder)?;
+        let collection = Collection::open(folder)?;
+        collection.require_all()?;
+        Ok(collection)
+    }
+
+    /// Returns the statistics of all samples, for warnings.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the plan is not agreed.
+    pub fn samples(&self) -> Result<SampleSummary> {
+        let (_, loss) = self.agreed()?;
+        Ok(self.summary(&loss))
+    }
+
+    fn summary(&self, loss: &CodeLoss) -> SampleSummary {
+        let samples = self.found.samples.expect("an agreed plan has them");
+        SampleSummary {
+            surveyed: self.options.needs_survey(),
+            blurred_away: loss.blurred_away,
+            rounding: loss.rounding,
+            rounded_labels: loss.rounded_labels,
+            ..samples.summary()
+        }
+    }
+
+    fn agreed(&self) -> Result<(VoxelEncoder, CodeLoss)> {
+        let open = || Error::input("plan", "is not agreed yet; scan all bricks first");
+        if self.stage()? != Stage::Agreed { Err(open()) } else { self.codes()?.ok_or_else(open) }
+    }
+
+    fn facts(&self, encoder: &VoxelEncoder) -> Facts {
+        Facts {
+            grid: self.grid.clone(),
+            channels: encoder.channels,
+            tile_order: self.options.tile_order,
+            scales: encoder.scales(),
+            visible_voxels: self.found.samples.map_or(0, |samples| samples.visible_voxels),
+        }
+    }
+
+    fn description(&self, encoder: &VoxelEncoder, loss: &CodeLoss) -> Result<String> {
+        let (name, format, unit) = (&*self.name, &*self.format, self.grid.unit.as_deref());
+        let source = Source { name, format, sample_type: self.sample_type, unit };
+        describe(&source, &encoder.transfer, &self.summary(loss))
+    }
+
+    /// Checks that `source` has the samples of brick `index`; returns its header, and the brick's box counted from its
+    /// first sample.
+    fn checked(&self, index: usize, source: &dyn SlabSource) -> Result<(Header, Region)> {
+        let (header, read) = (source.header().clone(), self.samples_of(index)?);
+        let Header { grid, sample_type, slope, intercept, .. } = &header;
+        if grid.dims != read.size() {
+            let why =
+                format!("must be of {:?} points from {:?} on, but are of {:?}", read.size(), read.low(), grid.dims);
+            return Err(Error::input(format!("samples of brick {index}"), why));
+        }
+        if *sample_type != self.sample_type || [*slope, *intercept] != [self.slope, self.intercept] {
+            let why = "have another type or scale than the whole volume";
+            return Err(Error::input(format!("samples of brick {index}"), why));
+        }
+        let header = Header { grid: read.grid(&self.grid), ..header };
+        let kept = self.region(index)?.seen_from(read.low());
+        Ok((header, kept))
+    }
+}

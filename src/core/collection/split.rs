@@ -1,0 +1,75 @@
+//! From one `.adj` file to a collection, without the volume.
+
+use std::path::Path;
+
+use super::manifest::{BrickEntry, Manifest, brick_description, fingerprint};
+use super::{Collection, Partition};
+use crate::arena::layout::Facts;
+use crate::arena::{Arena, LaneRows, Region, Rows};
+use crate::build::Observer;
+use crate::build::progress::{Phase, report};
+use crate::error::{Error, Result};
+use crate::file::{AdjFile, RowsOutput, write_folder_atomically, write_rows};
+use crate::volume::Axis;
+
+/// Writes the voxels of `arena` as a collection at `path`, with a brick for each box of `partition`.
+///
+/// `memory` bounds the bytes that the process may use; `threads` work. Reads each brick's part of the lane along x. The
+/// folder appears complete or not at all.
+///
+/// # Errors
+/// [`Error::Input`] if something exists at `path`, if the arena's description is no JSON, or if the partition is of another
+/// grid; [`Error::Io`] if nothing can be written there; [`Error::Interrupted`] if the observer cancels.
+pub fn split(
+    arena: &Arena,
+    partition: &Partition,
+    path: &Path,
+    memory: Option<u64>,
+    threads: usize,
+    observer: &mut dyn Observer,
+) -> Result<Collection> {
+    let whole = arena.facts();
+    let text = std::str::from_utf8(arena.description()).unwrap_or_default();
+    let lane_count = u8::try_from(arena.lanes().count()).expect("there are three axes");
+    let lane = arena.lane(Axis::X).expect("every arena that opens has the lane along x");
+    let total = partition.len() as u64;
+    write_folder_atomically(&|| false, path, |folder| {
+        let mut bricks = Vec::new();
+        for (index, region) in (0u64..).zip(partition.boxes()) {
+            report(observer, Phase::Pack, index, total)?;
+            let rows = LaneRows::new(lane, |_, _, record| Some(record)).cropped(&region);
+            let mut voxels = 0u64;
+            rows.read(Region::of_grid(rows.dims()), &mut |_, _, found| voxels += found.len() as u64)?;
+            let facts = Facts { grid: region.grid(&whole.grid), visible_voxels: voxels, ..whole.clone() };
+            let description = brick_description(text, &region, whole.grid.dims);
+            let output = RowsOutput { facts, description: &description, lane_count, memory, threads };
+            bricks.push(write_brick(folder, &region, &rows, voxels, &output, observer)?);
+        }
+        Manifest::new(whole, lane_count, text, bricks)?.write(folder)
+    })?;
+    Collection::open(path)
+}
+
+/// Writes a brick of `voxels` visible voxels into `folder`; none if there are no voxels.
+pub(super) fn write_brick(
+    folder: &Path,
+    region: &Region,
+    rows: &dyn Rows,
+    voxels: u64,
+    output: &RowsOutput,
+    observer: &mut dyn Observer,
+) -> Result<BrickEntry> {
+    let (low, size) = (region.low(), region.size());
+    if voxels == 0 {
+        return Ok(BrickEntry { file: None, low, size, visible_voxels: 0, fingerprint: None });
+    }
+    let [x, y, z] = low;
+    let file = format!("brick-{z:05}-{y:05}-{x:05}.adj");
+    let path = folder.join(&file);
+    let (facts, _) = write_rows(&path, rows, output, observer)?;
+    if facts.visible_voxels != voxels {
+        return Err(Error::input(path.display().to_string(), "its source changed while it was read; start again"));
+    }
+    let number = AdjFile::open(&path)?.arena()?.fingerprint();
+    Ok(BrickEntry { file: Some(file), low, size, visible_voxels: voxels, fingerprint: Some(fingerprint(number)) })
+}

@@ -1,0 +1,356 @@
+//! Collections: bricks join to the bytes of one build, faults name their brick, pictures are near those of the whole.
+//!
+//! Cannot catch: codes that a single build chooses badly (tests/core/build).
+
+use std::path::Path;
+
+use adjsplat::arena::TileOrder;
+use adjsplat::build::{BuildOptions, Resources, Unobserved};
+use adjsplat::classify::{Colour, Point};
+use adjsplat::collection::{Collection, Manifest, Partition, Plan, split};
+use adjsplat::limits::Limits;
+use adjsplat::splat::{Camera, Orbit, Projection, Quality, Settings};
+use adjsplat::traverse::Viewpoint;
+use adjsplat::volume::PartSource;
+use adjsplat::{Build, Model, TransferFunction, Volume};
+use adjsplat_tests::random::Random;
+
+/// A volume of waves, with values from 0 to 1,000 and a place without any.
+fn waves(dims: [u64; 3]) -> Vec<f64> {
+    let [nx, ny, nz] = dims;
+    let points = (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z].map(|c| c as f64))));
+    points
+        .map(|[x, y, z]| {
+            let wave = (x * 0.7).sin() + (y * 0.45 + z * 0.2).cos() + (z * 0.6).sin();
+            if x > 20.0 && z > 16.0 { 0.0 } else { (wave + 3.0) / 6.0 * 1000.0 }
+        })
+        .collect()
+}
+
+const DIMS: [u64; 3] = [29, 23, 26];
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 1,000")]
+fn volumes() -> Vec<Volume> {
+    let values = waves(DIMS);
+    let grid = |volume: Volume| {
+        volume.with_spacing([0.7, 1.0, 1.3]).unwrap().with_origin([-3.3, 0.1, 77.7]).unwrap().with_unit("mm")
+    };
+    vec![
+        grid(Volume::new(DIMS, values.iter().map(|v| (v / 4.0) as u8).collect()).unwrap()),
+        grid(Volume::new(DIMS, values.iter().map(|v| *v as i16 - 300).collect()).unwrap()),
+        grid(Volume::new(DIMS, values.iter().map(|v| (*v / 200.0) as u16 * 55).collect()).unwrap()),
+        grid(
+            Volume::new(DIMS, values.iter().map(|v| if *v > 990.0 { f32::NAN } else { *v as f32 / 3.0 }).collect())
+                .unwrap(),
+        ),
+    ]
+}
+
+/// Functions that need each kind of agreement: given and open ranges, narrow features, gradients, labels.
+fn functions() -> Vec<BuildOptions> {
+    let point = |&(value, opacity): &(f64, f64)| Point { value, colour: Colour::from_bytes([200, 120, 40]), opacity };
+    let points = [(100.0, 0.0), (101.0, 0.5), (102.0, 0.0), (180.0, 0.0), (250.0, 1.0)];
+    let narrow = TransferFunction::points(points.iter().map(point).collect(), Vec::new()).unwrap();
+    vec![
+        TransferFunction::range(60.0, 240.0).unwrap().into(),
+        TransferFunction::range(120.0, f64::INFINITY).unwrap().into(),
+        BuildOptions::new(narrow).with_tile_order(TileOrder::Hilbert).with_lane_count(1),
+        BuildOptions::new(TransferFunction::contour(150.0).unwrap()).with_normal_bits(16),
+        BuildOptions::new(TransferFunction::range(80.0, 200.0).unwrap()).with_value_bits(16).with_normal_bits(0),
+    ]
+}
+
+/// Builds a collection by a plan, in any order of bricks, with the plan as text between all steps.
+fn planned(volume: &Volume, options: &BuildOptions, brick: [u32; 3], folder: &Path) -> adjsplat::Result<Collection> {
+    let header = adjsplat::volume::SlabSource::header(&volume.slices()).clone();
+    let mut plan = Plan::new(&header, options.clone(), brick)?;
+    let count = plan.partition()?.len();
+    let part = |plan: &Plan, index: usize| {
+        let region = plan.samples_of(index).unwrap();
+        PartSource::new(volume.slices(), region.low(), region.size()).unwrap()
+    };
+    let mut rounds = 0;
+    while !plan.is_agreed()? {
+        plan = Plan::from_json(&plan.to_json())?;
+        let scan = |index| plan.scan(index, &mut part(&plan, index), &Resources::default(), &mut Unobserved);
+        let found: Vec<_> = (0..count).rev().map(scan).collect::<adjsplat::Result<_>>()?;
+        plan = plan.agree(&found)?;
+        rounds += 1;
+        assert!(rounds <= 3, "scans come to an end");
+    }
+    std::fs::create_dir(folder).unwrap();
+    let build = |index| plan.build(index, &mut part(&plan, index), folder, &Resources::default(), &mut Unobserved);
+    let entries = (0..count).rev().map(build).collect::<adjsplat::Result<_>>()?;
+    plan.finish(folder, entries)
+}
+
+fn joined(collection: &Collection, path: &Path) -> Vec<u8> {
+    collection.join(path, None, 2, &mut Unobserved).unwrap();
+    std::fs::read(path).unwrap()
+}
+
+#[test]
+fn planned_bricks_join_to_the_bytes_of_one_build() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut built = 0;
+    for (v, volume) in volumes().iter().enumerate() {
+        for (f, options) in functions().iter().enumerate() {
+            let whole = Build::new(options.clone()).run(volume).unwrap().arena().unwrap().bytes().to_vec();
+            for brick in [[0, 0, 5], [0, 9, 0], [11, 8, 13]] {
+                let path = folder.path().join(format!("{v}-{f}-{}.adjs", brick[0]));
+                let collection = planned(volume, options, brick, &path).unwrap();
+                assert!(collection.check().is_empty());
+                let bytes = joined(&collection, &folder.path().join("joined.adj"));
+                assert!(bytes == whole, "volume {v}, function {f}, bricks of {brick:?}");
+                std::fs::remove_dir_all(path).unwrap();
+                built += 1;
+            }
+        }
+    }
+    assert_eq!(built, 60);
+}
+
+#[test]
+fn planned_bricks_of_label_maps_and_of_boundaries_join_to_the_bytes_of_one_build() {
+    let folder = tempfile::tempdir().unwrap();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 5")]
+    let labels = Volume::new(DIMS, waves(DIMS).iter().map(|v| (v / 200.0) as u16 * 400).collect()).unwrap();
+    let palette = TransferFunction::preset("labels").unwrap();
+    let region = TransferFunction::from_json(
+        r##"{"kind": "region", "knots": [{"value": 60, "colour": "#80ffff", "opacity": 0.1},
+            {"value": 120, "colour": "#ff4020", "opacity": 0.4}, {"value": 220, "colour": "#ffffff", "opacity": 0.9}]}"##,
+    )
+    .unwrap();
+    assert!(BuildOptions::new(region.clone()).needs_survey());
+    let ramp = TransferFunction::preset("mr").unwrap();
+    let mut cases: Vec<(Volume, BuildOptions)> = vec![(labels, palette.into())];
+    for function in [region, ramp] {
+        cases.extend(volumes().into_iter().map(|volume| (volume, function.clone().into())));
+    }
+    for (c, (volume, options)) in cases.iter().enumerate() {
+        let whole = Build::new(options.clone()).run(volume).unwrap().arena().unwrap().bytes().to_vec();
+        for brick in [[0, 0, 4], [7, 7, 7]] {
+            let path = folder.path().join(format!("{c}-{}.adjs", brick[0]));
+            let collection = planned(volume, options, brick, &path).unwrap();
+            let bytes = joined(&collection, &folder.path().join("joined.adj"));
+            assert!(bytes == whole, "case {c}, bricks of {brick:?}");
+        }
+    }
+}
+
+#[test]
+fn a_file_that_is_split_joins_to_its_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    for (v, volume) in volumes().iter().enumerate() {
+        for (f, options) in functions().into_iter().enumerate() {
+            let model = Build::new(options).run(volume).unwrap();
+            let arena = model.arena().unwrap();
+            for size in [[0, 0, 7], [6, 0, 0], [10, 12, 9], [29, 23, 26]] {
+                let partition = Partition::into_boxes(model.grid().dims, size).unwrap();
+                let path = folder.path().join(format!("{v}-{f}-{size:?}.adjs"));
+                let collection = split(&arena, &partition, &path, None, 2, &mut Unobserved).unwrap();
+                collection.require_all().unwrap();
+                let bytes = joined(&collection, &folder.path().join("joined.adj"));
+                assert!(bytes == arena.bytes(), "volume {v}, function {f}, bricks of {size:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_visible_says_so_before_a_brick_is_built() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = TransferFunction::range(5000.0, 6000.0).unwrap().into();
+    let volume = &volumes()[1];
+    let fault = planned(volume, &options, [0, 0, 5], &folder.path().join("a.adjs")).unwrap_err().to_string();
+    assert_eq!(fault, Build::new(options).run(volume).unwrap_err().to_string());
+}
+
+/// A collection of eight bricks of the waves, beside the model that it was split from.
+fn eight(folder: &Path) -> (Model, Collection) {
+    let model = Build::new(TransferFunction::range(60.0, 240.0).unwrap()).run(&volumes()[0]).unwrap();
+    let partition = Partition::into_boxes(model.grid().dims, [15, 12, 13]).unwrap();
+    let path = folder.join("eight.adjs");
+    let collection = split(&model.arena().unwrap(), &partition, &path, None, 1, &mut Unobserved).unwrap();
+    assert_eq!(collection.bricks().len(), 8);
+    (model, collection)
+}
+
+#[test]
+fn bricks_that_are_missing_cut_old_or_of_other_codes_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (model, collection) = eight(folder.path());
+    let file = |index: usize| collection.path().join(collection.bricks()[index].entry.file.as_deref().unwrap());
+    std::fs::remove_file(file(0)).unwrap();
+    let bytes = std::fs::read(file(2)).unwrap();
+    std::fs::write(file(2), &bytes[..bytes.len() / 2]).unwrap();
+    std::fs::copy(file(4), file(3)).unwrap();
+    let other = Build::new(TransferFunction::range(60.5, 239.0).unwrap()).run(&volumes()[3]).unwrap();
+    other.save(file(5)).unwrap();
+    let damaged = Collection::open(collection.path()).unwrap();
+    let faults: Vec<String> = damaged.faults().iter().map(ToString::to_string).collect();
+    for (index, (fault, part)) in
+        [0, 2, 3, 5].into_iter().zip(faults.iter().zip(["is missing", "R", "another grid", "other codes"]))
+    {
+        assert!(fault.contains(file(index).to_str().unwrap()) && fault.contains(part), "{fault}");
+    }
+    assert_eq!(faults.len(), 4);
+    let refused = damaged.require_all().unwrap_err().to_string();
+    assert!(refused.contains("4 of 8 bricks"), "{refused}");
+    let rest = damaged.join(&folder.path().join("rest.adj"), None, 1, &mut Unobserved).unwrap().0;
+    assert!(rest.visible_voxels < model.visible_voxels());
+
+    // A byte of a channel: only a check of the whole brick finds it.
+    let folder = tempfile::tempdir().unwrap();
+    let (_, collection) = eight(folder.path());
+    let path = collection.path().join(collection.bricks()[6].entry.file.as_deref().unwrap());
+    let mut bytes = std::fs::read(&path).unwrap();
+    let at = bytes.len() - 600;
+    bytes[at] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    let faults = Collection::open(collection.path()).unwrap().check();
+    assert!(faults.len() == 1 && faults[0].to_string().contains(path.to_str().unwrap()), "{faults:?}");
+}
+
+#[test]
+fn a_manifest_that_lies_is_refused_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, collection) = eight(folder.path());
+    let path = collection.path().join("collection.json");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let sound: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let change = |pointer: &str, value: serde_json::Value| {
+        let mut changed = sound.clone();
+        *changed.pointer_mut(pointer).unwrap() = value;
+        changed.to_string()
+    };
+    let cases = [
+        (text[..text.len() / 2].to_owned(), "EOF"),
+        (change("/adjs", 2.into()), "version 2"),
+        (change("/bricks/1/file", "../a.adj".into()), "outside the folder"),
+        (change("/bricks/1/file", "/etc/passwd".into()), "outside the folder"),
+        (change("/bricks/1/file", "a/b".into()), "outside the folder"),
+        (change("/bricks/1/low", serde_json::json!([0, 0, 0])), "do not fill the grid"),
+        (change("/bricks/1/size/0", u32::MAX.into()), "do not fill the grid"),
+        (change("/bricks/1/size/0", 0.into()), "do not fill the grid"),
+        (change("/bricks/1/visible_voxels", 0.into()), "if it has visible voxels"),
+        (change("/bricks/1/visible_voxels", 1.into()), "sum"),
+        (change("/bricks/1/visible_voxels", u64::MAX.into()), "sum"),
+        (change("/visible_voxels", 7.into()), "sum"),
+        (change("/bricks", serde_json::json!([])), "sum"),
+        (change("/grid/dims/0", 0.into()), "dimension x"),
+        (change("/grid/dims/0", 70_000.into()), "dimension x"),
+        (change("/grid/spacing/2", 0.0.into()), "spacing z"),
+        (change("/lanes", 4.into()), "lanes"),
+        (change("/channels/value_bits", 12.into()), "channels"),
+    ];
+    for (text, part) in cases {
+        std::fs::write(&path, &text).unwrap();
+        let fault = Manifest::read(collection.path(), &Limits::default()).unwrap_err().to_string();
+        assert!(fault.contains(part) && fault.contains("collection.json"), "{part}: {fault}");
+        assert_eq!(fault.lines().count(), 1);
+    }
+}
+
+#[test]
+fn of_two_boxes_on_a_ray_the_nearer_comes_first() {
+    let mut random = Random(7);
+    let dims = [40, 30, 50];
+    let mut compared = 0;
+    for _ in 0..200 {
+        let size = std::array::from_fn(|a| 1 + random.below(u64::from(dims[a])) as u32);
+        let partition = Partition::into_boxes(dims, size).unwrap();
+        if partition.len() > 400 {
+            continue;
+        }
+        let boxes: Vec<_> = partition.boxes().collect();
+        let mut point = |around: f64| -> [f64; 3] {
+            std::array::from_fn(|a| (random.number() - 0.5) * around * f64::from(dims[a]) + f64::from(dims[a]) / 2.0)
+        };
+        let (eye, toward) = (point(3.0), point(2.0));
+        let direction: [f64; 3] = std::array::from_fn(|a| toward[a] - eye[a]);
+        let orders = [
+            (partition.front_to_back(Viewpoint::parallel(direction).unwrap()).unwrap(), true),
+            (partition.front_to_back(Viewpoint::perspective(eye, direction).unwrap()).unwrap(), false),
+        ];
+        for _ in 0..50 {
+            let [start, end] = [point(3.0), point(2.0)];
+            for (order, is_parallel) in &orders {
+                let start = if *is_parallel { start } else { eye };
+                let along: [f64; 3] = if *is_parallel { direction } else { std::array::from_fn(|a| end[a] - start[a]) };
+                let mut last = f64::NEG_INFINITY;
+                for &index in order {
+                    let Some([from, to]) = crossed(&boxes[index], start, along) else { continue };
+                    let (from, to) = if *is_parallel { (from, to) } else { (from.max(0.0), to) };
+                    if to - from > 1e-9 {
+                        assert!(from >= last - 1e-9, "{size:?} {eye:?} {along:?}: box {index}");
+                        last = from;
+                        compared += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert!(compared > 10_000, "{compared}");
+}
+
+/// Returns the part of a ray that lies in a box of cells.
+fn crossed(region: &adjsplat::arena::Region, start: [f64; 3], along: [f64; 3]) -> Option<[f64; 2]> {
+    let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
+    for (a, side) in region.sides().into_iter().enumerate() {
+        let ends = [f64::from(side.start) - 0.5, f64::from(side.end) - 0.5].map(|end| (end - start[a]) / along[a]);
+        from = from.max(ends[0].min(ends[1]));
+        to = to.min(ends[0].max(ends[1]));
+    }
+    (from < to).then_some([from, to])
+}
+
+/// Peak signal-to-noise ratio of two pictures, over pixels that are not empty in either.
+fn decibels(one: &[f32], other: &[f32]) -> f64 {
+    let pixels = one.chunks(4).zip(other.chunks(4)).filter(|(one, other)| one[3] > 0.0 || other[3] > 0.0);
+    let (mut sum, mut count) = (0.0, 0.0f64);
+    for (one, other) in pixels {
+        sum += one.iter().zip(other).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+        count += 4.0;
+    }
+    -10.0 * (sum / count.max(1.0)).max(1e-30).log10()
+}
+
+#[test]
+fn pictures_by_brick_are_near_those_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let (model, collection) = eight(folder.path());
+    let slabs = Partition::into_boxes(model.grid().dims, [0, 0, 6]).unwrap();
+    let slabs =
+        split(&model.arena().unwrap(), &slabs, &folder.path().join("slabs.adjs"), None, 1, &mut Unobserved).unwrap();
+    let inside =
+        Camera::new([6.0, 9.0, 92.0], [9.0, 14.0, 95.0], [0.0, 0.0, 1.0], Projection::Perspective { fov: 70.0 })
+            .unwrap();
+    // (azimuth, elevation, angle, least decibels with slabs across z, and with boxes). Where a view does not look along the
+    // cut axis, splats that reach across a cut are composited a brick at a time: in so small a volume a fifth of all.
+    let views = [
+        (0.0, 90.0, None, 110.0, 25.0),
+        (30.0, 70.0, None, 110.0, 25.0),
+        (20.0, 15.0, None, 25.0, 25.0),
+        (50.0, 40.0, Some(40.0), 25.0, 25.0),
+    ];
+    let settings = Settings::new([120, 90]).with_quality(Quality::Reference);
+    let mut cameras: Vec<(Camera, f64, f64)> = views
+        .iter()
+        .map(|&(azimuth, elevation, fov, one, other)| {
+            let orbit = Orbit { azimuth, elevation, fov, ..Orbit::default() };
+            assert_eq!(collection.camera(&orbit, &settings).unwrap(), model.camera(&orbit, &settings).unwrap());
+            (model.camera(&orbit, &settings).unwrap(), one, other)
+        })
+        .collect();
+    cameras.push((inside, 25.0, 25.0));
+    for (index, (camera, with_slabs, with_boxes)) in cameras.iter().enumerate() {
+        let whole = model.render(camera, &settings).unwrap();
+        for (part, least) in [(&slabs, with_slabs), (&collection, with_boxes)] {
+            let (picture, _) = part.render(model.transfer(), camera, &settings).unwrap();
+            let found = decibels(whole.pixels(), picture.pixels());
+            println!("view {index}: {found:.1} dB");
+            assert!(found >= *least, "view {index}: {found:.1} dB, not {least}");
+        }
+    }
+}
