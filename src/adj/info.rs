@@ -6,6 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::classification::flag_of;
+use super::flags::one_line;
 use super::histogram::{POINTS, chart, plot, short, thresholds};
 use super::input::{Input, InputArguments};
 use super::progress::Progress;
@@ -13,12 +14,13 @@ use super::study::output::{check_plots, write_plots};
 use super::{Answer, print_result, starts_as_adj};
 use adjsplat::arena::layout::Facts;
 use adjsplat::build::{Histogram, Suggestion};
+use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::AdjFile;
 use adjsplat::volume::{Axis, Grid};
 use adjsplat_study::memory::virtual_voxels;
 
-/// Show what an .adj file or a volume holds: sizes and counts; for a volume also its range of values
+/// Show what an .adj file, a collection or a volume holds: sizes and counts; for a volume also its range of values
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj info head.adj --json\n  adj info head.nii.gz        (which values would be worth showing?)"
@@ -43,6 +45,11 @@ const QUANTILES: [f64; 8] = [0.01, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 0.999];
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let input = Input::find(&arguments.input)?;
     check_plots(&arguments.plot)?;
+    if Collection::is_at(input.path()) {
+        let answer = of_collection(&Collection::open(input.path())?);
+        print_result(&if arguments.json { answer.to_string() } else { as_text(&answer) });
+        return Ok(Answer::Yes);
+    }
     if is_adj(input.path())? {
         if !arguments.plot.is_empty() {
             return Err(Error::input("--plot", "is for volumes, but the input is an .adj file; leave it out"));
@@ -71,6 +78,44 @@ pub(super) fn is_adj(path: &Path) -> Result<bool> {
         return Ok(named);
     }
     starts_as_adj(path)
+}
+
+fn of_collection(collection: &Collection) -> Value {
+    let manifest = collection.manifest();
+    let facts = manifest.facts();
+    let bricks: Vec<Value> = collection
+        .bricks()
+        .iter()
+        .map(|brick| {
+            let state = match (&brick.entry.file, &brick.file) {
+                (None, _) => "empty",
+                (Some(_), Some(_)) => "there",
+                (Some(_), None) => "not usable",
+            };
+            json!({
+                "file": brick.entry.file,
+                "low": brick.entry.low,
+                "size": brick.entry.size,
+                "visible_voxels": brick.entry.visible_voxels,
+                "state": state,
+            })
+        })
+        .collect();
+    json!({
+        "file": collection.path().display().to_string(),
+        "dims": facts.grid.dims,
+        "spacing": facts.grid.spacing,
+        "origin": facts.grid.origin,
+        "direction": facts.grid.direction,
+        "visible_voxels": facts.visible_voxels,
+        "visible_share": facts.visible_voxels as f64 / facts.grid.points() as f64,
+        "lanes": manifest.lanes,
+        "channels": channels(&facts),
+        "tile_order": facts.tile_order.name(),
+        "bricks": bricks,
+        "faults": collection.faults().iter().map(one_line).collect::<Vec<_>>(),
+        "description": serde_json::from_str::<Value>(manifest.description()).unwrap_or(Value::Null),
+    })
 }
 
 fn of_arena(path: &Path) -> Result<Value> {

@@ -21,6 +21,7 @@ mod flags;
 mod histogram;
 mod info;
 mod input;
+mod join;
 mod memory_shares;
 #[cfg(feature = "gpu")]
 mod on_device;
@@ -31,6 +32,7 @@ mod renderer;
 mod resources;
 mod serve;
 mod size;
+mod split;
 mod stored;
 mod study;
 mod trim;
@@ -76,6 +78,8 @@ enum Command {
     Info(info::Arguments),
     Verify(verify::Arguments),
     Trim(Box<trim::Arguments>),
+    Split(split::Arguments),
+    Join(join::Arguments),
     Export(Box<export::Arguments>),
     Render(Box<render::Arguments>),
     View(view::Arguments),
@@ -118,6 +122,8 @@ fn run(command: &Command) -> Result<Answer> {
         Command::Info(arguments) => info::run(arguments),
         Command::Verify(arguments) => verify::run(arguments),
         Command::Trim(arguments) => trim::run(arguments),
+        Command::Split(arguments) => split::run(arguments),
+        Command::Join(arguments) => join::run(arguments),
         Command::Export(arguments) => export::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::View(arguments) => view::run(arguments),

@@ -1,5 +1,6 @@
 //! `adj render`: draws pictures of an `.adj` file or a volume.
 
+mod bricks;
 mod frames;
 mod look;
 mod missing;
@@ -29,6 +30,7 @@ use super::{Answer, print_note};
 use adjsplat::arena::{Arena, LaneSet};
 use adjsplat::build::Resources;
 use adjsplat::classify::TransferFunction;
+use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput, arena_bytes, check_writable, open_rows, scratch_folder};
 use adjsplat::internals::{description, drawable};
@@ -46,7 +48,7 @@ use adjsplat_pictures::PictureKind;
     after_help = "Examples:\n  adj render head.adj -o head.png --azimuth 30 --elevation 10\n  adj render head.adj -o turn.apng --frames 36 --size 400x400\n  adj render ct.nhdr --tf ct-bone+1024 -o bone.png --perspective 30\n  adj render head.adj -o inside.png --camera eye.json\n      with eye.json: {\"position\": [0, 90, 0], \"target\": [0, 0, 0], \"up\": [0, 0, 1], \"fov\": 60}"
 )]
 pub(super) struct Arguments {
-    /// An .adj file; or a volume (a file, a folder of slices, or several files of slices: 'slices/*.tif') with a flag
+    /// An .adj file or a collection; or a volume (a file, a folder of slices, or several files of slices: 'slices/*.tif') with a flag
     /// that says what is visible
     #[arg(value_name = "IN", required = true)]
     input: Vec<PathBuf>,
@@ -62,6 +64,12 @@ pub(super) struct Arguments {
     /// Threads, 1 to 1024; by default one for each processor, or as many as fit into --memory
     #[arg(long, value_name = "N", value_parser = number(1..=1024usize))]
     threads: Option<usize>,
+    /// Draw a collection brick by brick, each in its place, instead of joining it first: for what memory does not hold
+    #[arg(long)]
+    bricks: bool,
+    /// Draw a collection without the bricks that are missing or damaged, and name them
+    #[arg(long)]
+    partial: bool,
     /// Show no progress bar
     #[arg(long, short)]
     quiet: bool,
@@ -97,7 +105,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut settings = arguments.look.settings(arguments.view.size, arguments.threads.unwrap_or_else(processors))?;
     settings.clip = arguments.view.clip;
     let memory = arguments.memory;
-    let is_volume = !is_adj(input.path())?;
+    let is_collection = Collection::is_at(input.path());
+    for (flag, given) in [("--bricks", arguments.bricks), ("--partial", arguments.partial)] {
+        if given && !is_collection {
+            return Err(Error::input(flag, "is for collections, which are folders NAME.adjs; leave it out"));
+        }
+    }
+    let is_volume = !is_collection && !is_adj(input.path())?;
     let start = Instant::now();
     let job = RenderJob { arguments, input: &input, kind, outputs: &outputs, memory, is_volume, start };
     if arguments.renderer.is_reference() {
@@ -106,6 +120,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     if !is_volume {
         if let Some(flag) = arguments.reading.given().or(arguments.packing.given()) {
             return Err(Error::input(flag, "is for volumes, but the input is an .adj file; leave it out"));
+        }
+        if is_collection {
+            return job.draw_collection(settings);
         }
         let file = job.open(input.path())?;
         let transfer = arguments.classification.transfer(input.path())?;

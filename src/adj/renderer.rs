@@ -12,6 +12,8 @@ use super::on_device::OnDevice;
 #[cfg(feature = "gpu")]
 use super::print_note;
 use super::size::video_memory;
+use adjsplat::classify::TransferFunction;
+use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Blending, Camera, Frame, Scene, Settings, cpu};
 use adjsplat_judge::reference::Judge;
@@ -87,6 +89,8 @@ pub(super) enum Renderer<'a> {
     #[cfg(feature = "gpu")]
     Gpu(Box<OnDevice<'a>>),
     Reference(Box<Judge>),
+    /// A collection, brick by brick, with the transfer function of the whole.
+    Bricks(&'a Collection, TransferFunction),
 }
 
 impl RendererArguments {
@@ -113,6 +117,15 @@ impl RendererArguments {
         match self.of_devices().into_iter().find(|(_, is_given)| *is_given) {
             Some((flag, _)) => Err(Error::input(flag, "is for graphics devices; leave it out")),
             None => Ok(Renderer::Reference(Box::new(judge))),
+        }
+    }
+
+    /// Refuses flags for renderers that do not draw brick by brick.
+    pub(super) fn require_processor(&self) -> Result<()> {
+        let given = self.of_devices().into_iter().find(|(_, is_given)| *is_given).map(|(flag, _)| flag);
+        match given.or((!matches!(self.renderer, RendererName::Auto | RendererName::Cpu)).then_some("--renderer")) {
+            Some(flag) => Err(Error::input(flag, "is not for --bricks, which the processor draws; leave it out")),
+            None => Ok(()),
         }
     }
 
@@ -172,7 +185,10 @@ impl<'a> Renderer<'a> {
         if let Renderer::Reference(judge) = self {
             return judged(judge, camera, settings);
         }
-        let (frame, stats) = cpu::render(self.scene()?, camera, settings)?;
+        let (frame, stats) = match self {
+            Renderer::Bricks(collection, transfer) => collection.render(transfer, camera, settings)?,
+            _ => cpu::render(self.scene()?, camera, settings)?,
+        };
         let others = vec![("walk_ms", json!(stats.walk_ms)), ("draw_ms", json!(stats.draw_ms))];
         let (splats_drawn, splats_skipped) = (stats.splats_drawn, stats.splats_skipped);
         Ok((frame, FrameStats { splats_drawn, splats_skipped, frame_ms: stats.frame_ms, others }))
@@ -190,14 +206,14 @@ impl<'a> Renderer<'a> {
             Renderer::Cpu(scene) => Ok(scene),
             #[cfg(feature = "gpu")]
             Renderer::Gpu(on_device) => Ok(&on_device.scene),
-            Renderer::Reference(_) => Err(needs_volume()),
+            Renderer::Reference(_) | Renderer::Bricks(..) => Err(needs_volume()),
         }
     }
 
     /// Returns the renderer's name: `cpu`, `gpu` or `reference`.
     pub(super) fn name(&self) -> &'static str {
         match self {
-            Renderer::Cpu(_) => "cpu",
+            Renderer::Cpu(_) | Renderer::Bricks(..) => "cpu",
             #[cfg(feature = "gpu")]
             Renderer::Gpu(_) => "gpu",
             Renderer::Reference(_) => "reference",
@@ -207,7 +223,7 @@ impl<'a> Renderer<'a> {
     /// Returns the graphics device's name; `None` for other renderers.
     pub(super) fn adapter(&self) -> Option<&str> {
         match self {
-            Renderer::Cpu(_) | Renderer::Reference(_) => None,
+            Renderer::Cpu(_) | Renderer::Reference(_) | Renderer::Bricks(..) => None,
             #[cfg(feature = "gpu")]
             Renderer::Gpu(on_device) => Some(&on_device.adapter),
         }

@@ -10,16 +10,17 @@ use super::flags::one_line;
 use super::memory_shares::memory_of_pages;
 use super::size::memory;
 use super::{Answer, print_note, print_result};
+use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::AdjFile;
 
-/// Check .adj files for damage: every checksum and every rule of the format
+/// Check .adj files and collections for damage: every checksum and every rule of the format
 ///
 /// Exit code 0: all are sound; 1: one is damaged, and the first broken rule is printed; 2: one could not be read.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: adj verify head.adj")]
 pub(super) struct Arguments {
-    /// The .adj files
+    /// The .adj files; of a collection every brick is checked, and each that is not sound is named
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
     /// Print one JSON object for each file
@@ -34,6 +35,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut answer = Answer::Yes;
     let mut trouble = None;
     for path in &arguments.files {
+        if Collection::is_at(path) {
+            if !check_collection(path, arguments.json)? {
+                answer = Answer::No;
+            }
+            continue;
+        }
         let start = Instant::now();
         let fault = match check(path, arguments.memory) {
             Ok(bytes) => {
@@ -65,6 +72,25 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         }
     }
     trouble.map_or(Ok(answer), Err)
+}
+
+/// Checks all bricks of a collection, and prints what is wrong; returns whether it is sound.
+fn check_collection(path: &Path, as_json: bool) -> Result<bool> {
+    let start = Instant::now();
+    let collection = Collection::open(path)?;
+    let found = collection.check();
+    let faults: Vec<String> = collection.faults().iter().chain(&found).map(one_line).collect();
+    let (name, bricks) = (path.display().to_string(), collection.bricks().len());
+    if as_json {
+        let report = json!({ "file": name, "sound": faults.is_empty(), "bricks": bricks, "faults": faults });
+        print_result(&report.to_string());
+    } else if faults.is_empty() {
+        print_result(&format!("{name}: sound ({bricks} bricks, {:.2} s)", start.elapsed().as_secs_f64()));
+    } else {
+        faults.iter().for_each(|fault| print_result(fault));
+        print_result(&format!("{name}: not sound: {} of {bricks} bricks", faults.len()));
+    }
+    Ok(faults.is_empty())
 }
 
 /// Checks the whole file; returns its length in bytes.

@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use adjsplat::build::{Histogram, Observer, Phase as BuildPhase, Suggestion};
+use adjsplat::collection::Collection;
 use adjsplat::error::Result;
 use adjsplat::volume::SlabSource;
 use adjsplat::{Build, Model};
@@ -14,7 +15,7 @@ use crate::open::{Phase, Progress};
 
 /// Returns the model of a file, and whether that is an `.adj` file.
 pub(crate) fn open(path: &Path, progress: &Progress, context: &Context) -> Result<(Model, bool)> {
-    let is_adj = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("adj"));
+    let is_adj = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("adj")) || Collection::is_at(path);
     let model = if is_adj { Model::open(path)? } else { build(path, &mut Watch { progress, context })? };
     Ok((model, is_adj))
 }

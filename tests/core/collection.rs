@@ -80,8 +80,10 @@ fn planned(volume: &Volume, options: &BuildOptions, brick: [u32; 3], folder: &Pa
     }
     std::fs::create_dir(folder).unwrap();
     let build = |index| plan.build(index, &mut part(&plan, index), folder, &Resources::default(), &mut Unobserved);
-    let entries = (0..count).rev().map(build).collect::<adjsplat::Result<_>>()?;
-    plan.finish(folder, entries)
+    for index in (0..count).rev() {
+        build(index)?;
+    }
+    plan.finish(folder)
 }
 
 fn joined(collection: &Collection, path: &Path) -> Vec<u8> {

@@ -22,7 +22,7 @@ use super::sweep::{RowBlock, sweep};
 use super::visibility::VisibilityTest;
 use super::window::SliceWindow;
 use crate::arena::layout::Facts;
-use crate::arena::{OwnedLane, Region};
+use crate::arena::{OwnedLane, Region, Rows};
 use crate::classify::{TransferFunction, gradient};
 use crate::error::Result;
 use crate::volume::{Axis, Header, SlabSource};
@@ -71,18 +71,32 @@ impl Classified {
     /// # Errors
     /// Any error of reading the rows; [`Error::Interrupted`](crate::Error::Interrupted) if the observer cancels.
     pub fn lanes(&self, lane_count: u8, threads: usize, observer: &mut dyn Observer) -> Result<Vec<OwnedLane>> {
-        let Facts { grid, channels, tile_order, .. } = &self.facts;
-        let assembler = Assembler::new(&self.rows, *tile_order, None, threads);
-        let assembled = |axis| {
-            let mut lane = OwnedLane::new(axis, grid.dims, *channels);
-            assembler.lane(axis, observer, &mut |_| Ok(()), &mut |run| {
-                lane.append(run);
-                Ok(())
-            })?;
-            Ok(lane)
-        };
-        Axis::ALL.into_iter().take(lane_count.into()).map(assembled).collect()
+        lanes_of(&self.rows, &self.facts, lane_count, threads, observer)
     }
+}
+
+/// Builds the first `lane_count` lanes (along x, y, z) of `rows` in memory, on `threads` threads.
+///
+/// # Errors
+/// The errors of [`Classified::lanes`].
+pub(crate) fn lanes_of(
+    rows: &dyn Rows,
+    facts: &Facts,
+    lane_count: u8,
+    threads: usize,
+    observer: &mut dyn Observer,
+) -> Result<Vec<OwnedLane>> {
+    let Facts { grid, channels, tile_order, .. } = facts;
+    let assembler = Assembler::new(rows, *tile_order, None, threads);
+    let assembled = |axis| {
+        let mut lane = OwnedLane::new(axis, grid.dims, *channels);
+        assembler.lane(axis, observer, &mut |_| Ok(()), &mut |run| {
+            lane.append(run);
+            Ok(())
+        })?;
+        Ok(lane)
+    };
+    Axis::ALL.into_iter().take(lane_count.into()).map(assembled).collect()
 }
 
 /// Reads a volume and keeps its visible voxels. `source` must be at its first slice.

@@ -11,8 +11,9 @@ use crate::arena::lanes::DerivedLanes;
 use crate::arena::layout::Facts;
 use crate::arena::{Checked, LaneRows, Rows};
 use crate::build::Observer;
+use crate::build::builder::lanes_of;
 use crate::error::{Error, Result};
-use crate::file::{AdjFile, RowsOutput, write_rows};
+use crate::file::{AdjFile, RowsOutput, arena_bytes, write_rows};
 use crate::limits::Limits;
 use crate::volume::{Axis, Grid};
 
@@ -124,6 +125,27 @@ impl Collection {
             bricks.push((entry.region(), rows));
         }
         Ok(JoinedRows { dims: grid.dims, channels: *channels, bricks })
+    }
+
+    /// Joins the bricks in memory: returns the bytes of the `.adj` file that [`Collection::join`] writes.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] if the bricks' files are larger than `most` bytes in all; any error of reading them.
+    pub fn joined_bytes(&self, most: u64, threads: usize, observer: &mut dyn Observer) -> Result<Vec<u8>> {
+        let mut need = 0u64;
+        for file in self.bricks.iter().filter_map(|brick| brick.file.as_ref()) {
+            need = need.saturating_add(file.arena()?.bytes().len() as u64);
+        }
+        Limits::default().check(&self.path, "bytes of memory, to join its bricks", need, most)?;
+        let rows = self.rows()?;
+        let lanes = lanes_of(&rows, &self.manifest.facts(), self.manifest.lanes, threads, observer)?;
+        let visible_voxels =
+            self.bricks.iter().filter(|brick| brick.file.is_some()).map(|brick| brick.entry.visible_voxels).sum();
+        if visible_voxels == 0 {
+            return Err(Error::input(self.path.display().to_string(), "none of its bricks can be used"));
+        }
+        let facts = Facts { visible_voxels, ..self.manifest.facts() };
+        Ok(arena_bytes(&facts, &lanes, self.manifest.description()))
     }
 
     /// Joins the bricks to an `.adj` file at `path`, with bounded memory; returns its header facts and length in bytes.

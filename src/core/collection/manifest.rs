@@ -102,6 +102,7 @@ impl Manifest {
     /// [`Error::Io`] if it cannot be read; [`Error::Input`] that names the manifest and what is wrong with it;
     /// [`Error::Limit`] if it or the grid exceeds `limits`.
     pub fn read(folder: &Path, limits: &Limits) -> Result<Manifest> {
+        std::fs::metadata(folder).map_err(Error::io("open", folder))?;
         let path = folder.join(MANIFEST);
         let text = read_text(&path, MANIFEST_BYTES.min(limits.file_bytes))?;
         let name = path.display().to_string();

@@ -9,7 +9,7 @@ use crate::arena::{Arena, Lane};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::splat::camera::ToCamera;
-use crate::splat::{Camera, Frame, Lanes, Outline, Scene, Settings, Stats, View, cpu};
+use crate::splat::{Camera, Frame, Lanes, Mode, Outline, Scene, Settings, Stats, View, cpu};
 use crate::traverse::VoxelBox;
 use crate::volume::Axis;
 
@@ -71,12 +71,16 @@ impl Collection {
     /// Bricks with faults are left out: ask [`Collection::require_all`] first.
     ///
     /// # Errors
-    /// [`Error::Input`] in the maximum modes, whose values are interpolated across bricks: join them first; the errors of
-    /// [`cpu::render`].
+    /// [`Error::Input`] in the maximum modes, whose values are interpolated across bricks (join them first), and in the
+    /// additive mode without an exposure; the errors of [`cpu::render`].
     pub fn render(&self, transfer: &TransferFunction, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
         if settings.mode.is_maximum() {
             let why = "interpolates between bricks, so it cannot be drawn brick by brick; join them first";
             return Err(Error::input("mode maximum", why));
+        }
+        if settings.mode == Mode::Additive && settings.exposure.is_none() {
+            let why = "must be given to draw brick by brick: by default each brick would have its own";
+            return Err(Error::input("exposure", why));
         }
         let mut picture = Frame::transparent(settings.size)?;
         let mut all = Stats::default();

@@ -4,8 +4,8 @@
 //! plan = Plan::new(header, options, brick size)
 //! until plan.is_agreed():      for each brick, anywhere:  plan.scan(brick, its samples) -> findings
 //!                              plan = plan.agree(all findings)
-//! for each brick, anywhere:    plan.build(brick, its samples, folder) -> entry
-//! plan.finish(folder, all entries) -> Collection
+//! for each brick, anywhere:    plan.build(brick, its samples, folder)
+//! plan.finish(folder) -> Collection
 //! ```
 //!
 //! A step's result depends on its arguments alone, so a step that failed, or whose machine did, is simply done again. One
@@ -17,8 +17,8 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::joined::RowsWithin;
-use super::manifest::{BrickEntry, Manifest, brick_description};
-use super::split::write_brick;
+use super::manifest::{Manifest, brick_description};
+use super::split::{found_brick, write_brick};
 use super::{Collection, Partition};
 use crate::arena::Region;
 use crate::arena::layout::Facts;
@@ -293,7 +293,8 @@ impl Plan {
         Ok(self)
     }
 
-    /// Builds brick `index` as a file in `folder`; `source` has the samples of [`Plan::samples_of`].
+    /// Builds brick `index` as a file in `folder`, if it has visible voxels; returns their number. `source` has the samples of
+    /// [`Plan::samples_of`].
     ///
     /// # Errors
     /// [`Error::Input`] if the plan is not agreed, or if the samples are of another box or type; the errors of
@@ -305,7 +306,7 @@ impl Plan {
         folder: &Path,
         resources: &Resources,
         observer: &mut dyn Observer,
-    ) -> Result<BrickEntry> {
+    ) -> Result<u64> {
         let (encoder, loss) = self.agreed()?;
         let (header, kept) = self.checked(index, source)?;
         let region = self.region(index)?;
@@ -320,30 +321,42 @@ impl Plan {
         let Resources { memory, threads, .. } = *resources;
         let lane_count = self.options.lane_count;
         let output = RowsOutput { facts, description: &description, lane_count, memory, threads };
-        write_brick(folder, &region, &rows, voxels, &output, observer)
+        write_brick(folder, &region, &rows, voxels, &output, observer)?;
+        Ok(voxels)
     }
 
-    /// Writes the manifest of the bricks in `folder`, which is then a collection. The entries come in any order.
+    /// Writes the manifest of the bricks in `folder`, which is then a collection. A brick without visible voxels has no file.
     ///
     /// # Errors
-    /// [`Error::Input`] if a brick is missing or of another plan; [`Error::Io`] if the manifest cannot be written.
-    pub fn finish(&self, folder: &Path, mut entries: Vec<BrickEntry>) -> Result<Collection> {
+    /// [`Error::Input`] if bricks are missing, or one is of another plan; [`Error::Io`] if the manifest cannot be written;
+    /// the errors of [`AdjFile::open`].
+    pub fn finish(&self, folder: &Path) -> Result<Collection> {
         let (encoder, loss) = self.agreed()?;
-        entries.sort_by_key(|entry| [entry.low[2], entry.low[1], entry.low[0]]);
-        entries.dedup();
-        let regions = entries.iter().map(BrickEntry::region);
-        if !self.partition()?.boxes().eq(regions) {
-            let why = format!("are {}, not one for each of the {} bricks", entries.len(), self.partition()?.len());
-            return Err(Error::input("entries", why));
-        }
         let facts = self.facts(&encoder);
-        let manifest = Manifest::new(&facts, self.options.lane_count, &self.description(&encoder, &loss)?, entries)?;
-        if manifest.visible_voxels != facts.visible_voxels {
+        let entries =
+            self.partition()?.boxes().map(|region| found_brick(folder, &region)).collect::<Result<Vec<_>>>()?;
+        let voxels: u64 = entries.iter().map(|entry| entry.visible_voxels).sum();
+        if voxels < facts.visible_voxels {
+            let absent: Vec<String> = (0..)
+                .zip(&entries)
+                .filter(|(_, entry)| entry.file.is_none())
+                .map(|(k, _): (usize, _)| k.to_string())
+                .collect();
             let why = format!(
-                "{} voxels are visible, {} were when it was scanned",
-                manifest.visible_voxels, facts.visible_voxels
+                "{voxels} of {} visible voxels are there; build those bricks that have any of: {}",
+                facts.visible_voxels,
+                absent.join(", ")
             );
-            return Err(Error::input("the volume changed while it was read", why));
+            return Err(Error::input(folder.display().to_string(), why));
+        }
+        let description = self.description(&encoder, &loss)?;
+        let manifest = Manifest::new(&facts, self.options.lane_count, &description, entries)?;
+        if voxels > facts.visible_voxels {
+            let why = format!(
+                "has {voxels} visible voxels, but {} were scanned; build its bricks again",
+                facts.visible_voxels
+            );
+            return Err(Error::input(folder.display().to_string(), why));
         }
         manifest.write(folder)?;
         let collection = Collection::open(folder)?;

@@ -8,7 +8,7 @@ use crate::arena::layout::Facts;
 use crate::arena::{Arena, LaneRows, Region, Rows};
 use crate::build::Observer;
 use crate::build::progress::{Phase, report};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::file::{AdjFile, RowsOutput, write_folder_atomically, write_rows};
 use crate::volume::Axis;
 
@@ -43,7 +43,8 @@ pub fn split(
             let facts = Facts { grid: region.grid(&whole.grid), visible_voxels: voxels, ..whole.clone() };
             let description = brick_description(text, &region, whole.grid.dims);
             let output = RowsOutput { facts, description: &description, lane_count, memory, threads };
-            bricks.push(write_brick(folder, &region, &rows, voxels, &output, observer)?);
+            write_brick(folder, &region, &rows, voxels, &output, observer)?;
+            bricks.push(found_brick(folder, &region)?);
         }
         Manifest::new(whole, lane_count, text, bricks)?.write(folder)
     })?;
@@ -58,18 +59,29 @@ pub(super) fn write_brick(
     voxels: u64,
     output: &RowsOutput,
     observer: &mut dyn Observer,
-) -> Result<BrickEntry> {
+) -> Result<()> {
+    if voxels > 0 {
+        write_rows(&folder.join(brick_file(region)), rows, output, observer)?;
+    }
+    Ok(())
+}
+
+/// Returns the entry of the brick that was written into `folder`; one without voxels if there is none.
+pub(super) fn found_brick(folder: &Path, region: &Region) -> Result<BrickEntry> {
     let (low, size) = (region.low(), region.size());
-    if voxels == 0 {
+    let file = brick_file(region);
+    let path = folder.join(&file);
+    if !path.exists() {
         return Ok(BrickEntry { file: None, low, size, visible_voxels: 0, fingerprint: None });
     }
-    let [x, y, z] = low;
-    let file = format!("brick-{z:05}-{y:05}-{x:05}.adj");
-    let path = folder.join(&file);
-    let (facts, _) = write_rows(&path, rows, output, observer)?;
-    if facts.visible_voxels != voxels {
-        return Err(Error::input(path.display().to_string(), "its source changed while it was read; start again"));
-    }
-    let number = AdjFile::open(&path)?.arena()?.fingerprint();
-    Ok(BrickEntry { file: Some(file), low, size, visible_voxels: voxels, fingerprint: Some(fingerprint(number)) })
+    let brick = AdjFile::open(&path)?;
+    let arena = brick.arena()?;
+    let (visible_voxels, number) = (arena.facts().visible_voxels, arena.fingerprint());
+    Ok(BrickEntry { file: Some(file), low, size, visible_voxels, fingerprint: Some(fingerprint(number)) })
+}
+
+/// Returns the name of a brick's file: z, y and x of its lowest point.
+fn brick_file(region: &Region) -> String {
+    let [x, y, z] = region.low();
+    format!("brick-{z:05}-{y:05}-{x:05}.adj")
 }

@@ -59,7 +59,10 @@ impl AdjFile {
         let metadata = std::fs::metadata(path).map_err(Error::io("open", path))?;
         if !metadata.is_file() {
             let kind = if metadata.is_dir() { "a folder" } else { "not a regular file" };
-            return Err(Error::input(path.display().to_string(), format!("is {kind}; give an .adj file")));
+            return Err(Error::input(
+                path.display().to_string(),
+                format!("is {kind}; give an .adj file (a collection is joined to one by adj join)"),
+            ));
         }
         let file = File::open(path).map_err(Error::io("open", path))?;
         AdjFile::of(&file, path, limits)

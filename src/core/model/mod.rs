@@ -17,7 +17,9 @@ pub use voxels::{ModelVoxel, Voxels};
 use crate::arena::lanes::DerivedLanes;
 use crate::arena::layout::Facts;
 use crate::arena::{Arena, CodeCounts, Directory, Lane};
+use crate::build::Unobserved;
 use crate::classify::TransferFunction;
+use crate::collection::Collection;
 use crate::error::{Error, Result};
 use crate::file::{AdjFile, write_atomically};
 use crate::limits::Limits;
@@ -74,9 +76,19 @@ impl Model {
 
     /// Memory-maps an `.adj` file that need not be trusted: any content is safe to walk and to draw.
     ///
+    /// A [`Collection`] is joined in memory, in at most the bytes that `limits` allow for derived lanes.
+    ///
     /// # Errors
-    /// The errors of [`AdjFile::open_with`]; [`Error::Input`] if the file stores no readable transfer function.
+    /// The errors of [`AdjFile::open_with`]; [`Error::Input`] if the file stores no readable transfer function, or if a
+    /// collection lacks bricks.
     pub fn open_with(path: impl AsRef<Path>, limits: &Limits) -> Result<Model> {
+        if Collection::is_at(path.as_ref()) {
+            let collection = Collection::open_with(path.as_ref(), limits)?;
+            collection.require_all()?;
+            let threads = std::thread::available_parallelism().map_or(1, usize::from);
+            let bytes = collection.joined_bytes(limits.derived_bytes, threads, &mut Unobserved)?;
+            return Model::new(Bytes::InMemory(bytes), DerivedLanes::new(limits.derived_bytes), path.as_ref());
+        }
         let file = AdjFile::open_with(path.as_ref(), limits)?;
         let derived = DerivedLanes::new(limits.derived_bytes);
         Model::new(Bytes::Mapped(file), derived, path.as_ref())

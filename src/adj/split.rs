@@ -1,0 +1,98 @@
+//! `adj split`: makes a collection of bricks from an `.adj` file.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+use serde_json::json;
+
+use super::progress::Progress;
+use super::resources::ResourceArguments;
+use super::values::number;
+use super::{Answer, print_result};
+use adjsplat::collection::{Partition, split};
+use adjsplat::error::{Error, Result};
+use adjsplat::file::AdjFile;
+
+/// Split an .adj file into a collection: a folder of bricks, each an .adj file of its own
+///
+/// adj join makes the same file from it again, byte for byte. The volume is not needed.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  adj split head.adj -o head.adjs --slab 64\n  adj split head.adj -o head.adjs --brick 128x128x128"
+)]
+pub(super) struct Arguments {
+    /// The .adj file
+    #[arg(value_name = "IN.adj")]
+    input: PathBuf,
+    /// The folder to write, which must not exist yet
+    #[arg(short, long, value_name = "OUT.adjs")]
+    output: PathBuf,
+    #[command(flatten)]
+    bricks: BrickArguments,
+    /// Do not check the input first: faster, but damage may pass into the output
+    #[arg(long)]
+    no_verify: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+    /// Show no progress bar
+    #[arg(long, short)]
+    quiet: bool,
+    #[command(flatten)]
+    resources: ResourceArguments,
+}
+
+/// The flags for how large bricks are.
+#[derive(Debug, Args)]
+#[group(required = true, multiple = false)]
+pub(super) struct BrickArguments {
+    /// Slices of a brick along z, 1 to 65535; x and y are not cut
+    #[arg(long, value_name = "SLICES", value_parser = number(1..=65_535u32))]
+    slab: Option<u32>,
+    /// Voxels of a brick along x, y and z: 128x128x64; 0 does not cut an axis
+    #[arg(long, value_name = "XxYxZ", value_parser = brick)]
+    brick: Option<[u32; 3]>,
+}
+
+impl BrickArguments {
+    /// Returns the most voxels of a brick along x, y, z; 0 where an axis is not cut.
+    pub(super) fn size(&self) -> [u32; 3] {
+        self.brick.unwrap_or([0, 0, self.slab.unwrap_or(0)])
+    }
+}
+
+fn brick(text: &str) -> Result<[u32; 3], String> {
+    let sides: Option<Vec<u32>> = text.split(['x', 'X']).map(|side| side.trim().parse().ok()).collect();
+    sides.and_then(|sides| sides.try_into().ok()).ok_or_else(|| "must be three whole numbers: 128x128x64".into())
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
+    let start = Instant::now();
+    let file = AdjFile::open(&arguments.input)?;
+    let arena = file.arena()?;
+    if !arguments.no_verify {
+        arena.check().map_err(|fault| Error::Format { path: arguments.input.clone(), fault })?;
+    }
+    let partition = Partition::into_boxes(arena.facts().grid.dims, arguments.bricks.size())?;
+    let (memory, threads) = (Some(arguments.resources.memory()), arguments.resources.threads());
+    let mut progress = Progress::new(arguments.quiet);
+    let collection = split(&arena, &partition, &arguments.output, memory, threads, &mut progress)?;
+    drop(progress);
+    let (path, bricks) = (arguments.output.display(), collection.bricks());
+    let files = bricks.iter().filter(|brick| brick.file.is_some()).count();
+    let (visible, seconds) = (collection.manifest().visible_voxels, start.elapsed().as_secs_f64());
+    print_result(&if arguments.json {
+        json!({
+            "output": path.to_string(),
+            "bricks": bricks.len(),
+            "files": files,
+            "visible_voxels": visible,
+            "seconds": seconds,
+        })
+        .to_string()
+    } else {
+        format!("{path}: {} bricks, {files} with visible voxels, {visible} voxels in all, {seconds:.2} s", bricks.len())
+    });
+    Ok(Answer::Yes)
+}
