@@ -8,8 +8,10 @@ Arrays and positions are ordered (z, y, x); `spacing`, `origin` and `direction` 
 goes from a volume to a turntable step by step.
 """
 
+from . import dask
 from ._native import DeviceError, FormatError, __version__
 from .build import BuildWarning, build
+from .collection import BrickPlan, Collection, split
 from .edit import Edit
 from .export import ExportReport, ExportWarning
 from .lanes import Lane
@@ -20,7 +22,9 @@ from .show import show
 from .transfer import TransferFunction
 
 __all__ = [
+    "BrickPlan",
     "BuildWarning",
+    "Collection",
     "DeviceError",
     "Edit",
     "ExportReport",
@@ -34,9 +38,11 @@ __all__ = [
     "__version__",
     "build",
     "compare",
+    "dask",
     "devices",
     "open",
     "render",
     "save",
     "show",
+    "split",
 ]

@@ -25,7 +25,9 @@ class BuildWarning(UserWarning):
     """Something in the volume's values that a user should know: NaN, labels without a name, rounded values."""
 
 
-class _Place:
+class Place:
+    """Where a volume is in the world, checked."""
+
     def __init__(self, spacing: Any, origin: Any, direction: Any, frame: str, unit: str | None):
         if frame not in ("RAS", "LPS"):
             raise ValueError(f'frame is "{frame}", but must be RAS or LPS')
@@ -66,7 +68,9 @@ class _Reading:
         self.outside_files, self.unscaled = outside_files, unscaled
 
 
-class _Packing:
+class Packing:
+    """What is stored, and what a build may use, checked."""
+
     def __init__(self, lanes: str, value_bits: int | None, normal_bits: int | None, memory: Any, threads: int | None):
         if lanes not in ("x", "xy", "xyz"):
             raise ValueError(f'lanes are "{lanes}", but must be x, xy or xyz')
@@ -149,7 +153,7 @@ def build(
     """
     if sum(choice is not None for choice in (visible, transfer, labels)) > 1:
         raise ValueError("visible, transfer and labels each say what is visible; give one of them")
-    chosen = _chosen(visible, transfer, labels)
+    chosen = chosen_transfer(visible, transfer, labels)
     if type(volume).__module__.partition(".")[0] == "SimpleITK":
         if any(part is not None for part in (spacing, origin, direction)):
             raise ValueError("a SimpleITK image brings its own spacing, origin and direction")
@@ -162,8 +166,8 @@ def build(
         unit = own_unit if unit is None else unit
         for note in notes:
             warnings.warn(note, BuildWarning, stacklevel=2)
-    place = _Place(spacing, origin, direction, frame, unit)
-    packing = _Packing(lanes, value_bits, normal_bits, memory, threads)
+    place = Place(spacing, origin, direction, frame, unit)
+    packing = Packing(lanes, value_bits, normal_bits, memory, threads)
     if is_array(volume):
         of_files = (
             shape,
@@ -197,7 +201,7 @@ def build(
     return Model(model, path)
 
 
-def _chosen(visible: Any, transfer: Any, labels: Any) -> str | None:
+def chosen_transfer(visible: Any, transfer: Any, labels: Any) -> str | None:
     """Returns what is visible: a transfer function's JSON, "file" for the file's own palette, or None."""
     if visible is not None:
         need = f"visible must be two values (low, high), each a number or None for an open end, not {visible!r}"

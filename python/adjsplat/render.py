@@ -18,10 +18,12 @@ from .model import Model, open
 from .pictures import linear_colour, over, to_srgb8
 
 
-class _Look:
+class Look:
+    """How a picture is made, checked."""
+
     def __init__(
         self,
-        model: Model,
+        model: Any,
         size: Sequence[int],
         quality: str,
         mode: str,
@@ -47,7 +49,7 @@ class _Look:
         self.clip = None if clip is None else _clip(clip)
 
 
-def _crop(model: Model, crop: Any) -> list[list[int]]:
+def _crop(model: Any, crop: Any) -> list[list[int]]:
     """Returns the lowest and highest coordinates (x, y, z) of an index with steps of 1."""
     low, high = [], []
     for axis, (part, points) in enumerate(zip(expanded(crop), model.shape)):
@@ -121,8 +123,31 @@ class Renderer:
         crop: Any = None,
     ) -> list[dict[str, Any]]:
         """Returns the cameras of several orbits (azimuth, elevation), which look at one point and have one scale."""
-        look = _Look(self.model, size, "standard", "composite", None, True, None, None, crop, None, None)
-        return [json.loads(camera) for camera in _cameras(self.model, look, orbits, zoom, perspective, up)]
+        look = Look(self.model, size, "standard", "composite", None, True, None, None, crop, None, None)
+        return [json.loads(camera) for camera in self._views(look, orbits, zoom, perspective, up)]
+
+    def _views(
+        self,
+        look: Look,
+        orbits: Sequence[tuple[float, float]],
+        zoom: float,
+        perspective: float | None,
+        up: str,
+    ) -> list[str]:
+        """Returns the cameras of orbits as JSON."""
+        angles = [(number("azimuth", azimuth), number("elevation", elevation)) for azimuth, elevation in orbits]
+        zoom, perspective = number("zoom", zoom), optional_number("perspective", perspective)
+        return self._framed(look, angles, zoom, perspective, text("up", up))
+
+    def _framed(
+        self, look: Look, angles: list[tuple[float, float]], zoom: float, perspective: float | None, up: str
+    ) -> list[str]:
+        return _native.cameras(self.model._open, look, angles, zoom, perspective, up)
+
+    def _draw(self, look: Look, view: str, max_error: float | None) -> np.ndarray:
+        if self._device is None:
+            return _native.render(self.model._open, look, view, max_error)
+        return self._device.render(self.model._open, look, view, max_error)
 
     def render(
         self,
@@ -148,7 +173,7 @@ class Renderer:
         threads: int | None = None,
     ) -> np.ndarray:
         """Draws a picture: see `render`, which has the same arguments."""
-        native = self.model._open
+        _ = self.model._open
         if max_error is not None and (quality, sampling) != ("standard", None):
             raise ValueError("max_error chooses quality and sampling; leave these out")
         max_error = optional_number("max_error", max_error)
@@ -156,17 +181,14 @@ class Renderer:
         if dtype not in (np.dtype(np.float32), np.dtype(np.uint8)):
             raise ValueError(f"dtype is {dtype}, but a picture is float32 (linear) or uint8 (sRGB)")
         behind = None if background is None else linear_colour(background)
-        look = _Look(self.model, size, quality, mode, sampling, lighting, exposure, sharpness, crop, clip, threads)
+        look = Look(self.model, size, quality, mode, sampling, lighting, exposure, sharpness, crop, clip, threads)
         if camera is None:
-            view = _cameras(self.model, look, [(azimuth, elevation)], zoom, perspective, up)[0]
+            view = self._views(look, [(azimuth, elevation)], zoom, perspective, up)[0]
         elif (azimuth, elevation, zoom, perspective, up) != (0.0, 0.0, 1.0, None, "z"):
             raise ValueError("camera is the whole view; leave out azimuth, elevation, zoom, perspective and up")
         else:
             view = _camera_json(camera)
-        if self._device is None:
-            picture = _native.render(native, look, view, max_error)
-        else:
-            picture = self._device.render(native, look, view, max_error)
+        picture = self._draw(look, view, max_error)
         if behind is not None:
             picture = over(picture, behind)
         return picture if dtype == np.float32 else to_srgb8(picture)
@@ -190,15 +212,6 @@ class Renderer:
 
     def __reduce__(self) -> Any:
         raise TypeError("a renderer cannot be pickled: its device belongs to this process; pickle the model")
-
-
-def _cameras(
-    model: Model, look: _Look, orbits: Sequence[tuple[float, float]], zoom: float, perspective: float | None, up: str
-) -> list[str]:
-    """Returns the cameras of orbits as JSON."""
-    angles = [(number("azimuth", azimuth), number("elevation", elevation)) for azimuth, elevation in orbits]
-    zoom, perspective = number("zoom", zoom), optional_number("perspective", perspective)
-    return _native.cameras(model._open, look, angles, zoom, perspective, text("up", up))
 
 
 def _camera_json(camera: Mapping[str, Any]) -> str:

@@ -25,6 +25,17 @@ pub(crate) struct Packing {
     threads: Option<usize>,
 }
 
+impl Packing {
+    /// Returns the options of a build of what `transfer` shows.
+    pub(crate) fn options(&self, transfer: TransferFunction) -> BuildOptions {
+        let options = BuildOptions::new(transfer).with_lane_count(self.lanes).with_value_bits(self.value_bits);
+        match self.normal_bits {
+            Some(bits) => options.with_normal_bits(bits),
+            None => options,
+        }
+    }
+}
+
 /// Builds a model of `source`: in the file `out`, or in memory. Returns it with warnings, one line each.
 ///
 /// `transfer` is JSON; or "file" for the palette in the volume's file; or None for what suits the volume.
@@ -56,12 +67,7 @@ pub(crate) fn build(
                 None => suggested(&mut **volume, &mut watch)?,
             },
         };
-        let mut options =
-            BuildOptions::new(transfer).with_lane_count(packing.lanes).with_value_bits(packing.value_bits);
-        if let Some(bits) = packing.normal_bits {
-            options = options.with_normal_bits(bits);
-        }
-        let mut build = Build::new(options);
+        let mut build = Build::new(packing.options(transfer));
         if let Some(memory) = packing.memory {
             build = build.with_memory(memory);
         }
@@ -98,7 +104,7 @@ fn suggested(source: &mut dyn SlabSource, watch: &mut Watch) -> Result<TransferF
     }
 }
 
-fn warnings(samples: &SampleSummary) -> Vec<String> {
+pub(crate) fn warnings(samples: &SampleSummary) -> Vec<String> {
     let mut lines = Vec::new();
     if samples.blurred_away > 0 {
         lines.push(format!(

@@ -10,6 +10,7 @@
 //!                      '-> view -> render, device -> pictures -> compare, files
 //! ```
 
+mod bricks;
 mod build;
 mod device;
 mod edit;
@@ -35,6 +36,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<model::Model>()?;
     module.add_class::<source::Source>()?;
     module.add_class::<device::Device>()?;
+    module.add_class::<bricks::Plan>()?;
+    module.add_class::<bricks::Collection>()?;
+    module.add_function(wrap_pyfunction!(bricks::split, module)?)?;
     module.add_function(wrap_pyfunction!(source::array_source, module)?)?;
     module.add_function(wrap_pyfunction!(source::file_source, module)?)?;
     module.add_function(wrap_pyfunction!(build::build, module)?)?;

@@ -1,0 +1,328 @@
+"""Collections: volumes in several files, for what exceeds one machine's memory or time."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from . import _native
+from .arguments import byte_count, output_path, path_in_folder, thread_count, whole
+from .arrays import Slices, is_array
+from .build import Packing, Place, chosen_transfer
+from .model import Model, open
+from .render import Look, Renderer
+from .transfer import as_transfer
+
+
+class Brick(NamedTuple):
+    """A brick of a collection: a box of the grid, ordered (z, y, x)."""
+
+    #: Index of the lowest point.
+    low: tuple[int, int, int]
+    #: Number of points.
+    shape: tuple[int, int, int]
+    #: Number of visible voxels.
+    voxels: int
+    #: Name of the file in the collection's folder; None if no voxel is visible.
+    file: str | None
+
+
+class Collection:
+    """An open collection `NAME.adjs`: a folder of bricks, each an .adj file of its own, and a manifest.
+
+    Raises `OSError` if there is none, and `ValueError` that names the first brick that is missing, damaged or of another
+    build. With `partial=True` such bricks are left out, and `faults` names them.
+
+    >>> bricks = adj.split(f, "engine.adjs", slab=16)
+    >>> bricks.shape, len(bricks.bricks)
+    ((64, 64, 64), 4)
+    >>> bricks.render(size=(64, 48)).shape
+    (48, 64, 4)
+    >>> bricks.join("joined.adj")
+    <adjsplat.Model 64 x 64 x 64 (z, y, x), 143360 visible voxels, ...joined.adj>
+    """
+
+    def __init__(self, path: str | os.PathLike[str], *, partial: bool = False):
+        #: The folder's absolute path.
+        self.path = os.path.abspath(os.fsdecode(path))
+        self._native = _native.Collection.open(self.path, bool(partial))
+
+    @property
+    def _open(self) -> _native.Collection:
+        return self._native
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of grid points of the whole (z, y, x)."""
+        x, y, z = self._native.dims
+        return z, y, x
+
+    @property
+    def count(self) -> int:
+        """Number of visible voxels of the whole."""
+        return sum(brick.voxels for brick in self.bricks)
+
+    @property
+    def bricks(self) -> list[Brick]:
+        """The bricks, by ascending z, then y, then x."""
+        turned = lambda numbers: (numbers[2], numbers[1], numbers[0])
+        return [Brick(turned(low), turned(size), count, file) for low, size, count, file in self._native.bricks]
+
+    @property
+    def faults(self) -> list[str]:
+        """What is wrong with bricks, a line for each; empty if all can be used."""
+        return self._native.faults
+
+    def verify(self) -> list[str]:
+        """Checks every byte of every brick; returns what is wrong, a line for each brick."""
+        return self.faults + self._native.check()
+
+    def join(
+        self,
+        out: str | os.PathLike[str],
+        *,
+        memory: int | str | None = None,
+        threads: int | None = None,
+        progress: Callable[[str, int, int], Any] | None = None,
+    ) -> Model:
+        """Joins the bricks to the .adj file that one build of the whole volume makes, byte for byte, and opens it."""
+        path = output_path(out)
+        return Model(self._native.join(path, byte_count(memory), thread_count(threads), progress), path)
+
+    def render(self, *view: Any, transfer: Any = None, **look: Any) -> np.ndarray:
+        """Draws a picture brick by brick; the arguments are those of `Renderer.render`.
+
+        Nothing is joined, so that the whole need not fit into memory. docs/clusters.md says by how much the picture differs
+        from that of the joined file. Not in the maximum modes, nor with `max_error`; "xray" needs an `exposure`.
+        """
+        return BrickRenderer(self, transfer=transfer).render(*view, **look)
+
+    def __repr__(self) -> str:
+        z, y, x = self.shape
+        return f"<adjsplat.Collection {z} x {y} x {x} (z, y, x), {len(self.bricks)} bricks, {self.path}>"
+
+    def __reduce__(self) -> Any:
+        return Collection, (self.path,)
+
+
+class BrickRenderer(Renderer):
+    """Draws pictures of a collection brick by brick. `each` maps a function over the bricks' indices, nearest first."""
+
+    def __init__(self, collection: Collection, *, transfer: Any = None, each: Callable[..., Any] | None = None):
+        self.model: Any = collection
+        self._device = None
+        self._transfer = None if transfer is None else as_transfer(transfer).to_json()
+        self._each = each
+
+    def _framed(
+        self, look: Look, angles: list[tuple[float, float]], zoom: float, perspective: float | None, up: str
+    ) -> list[str]:
+        return self.model._open.cameras(look, angles, zoom, perspective, up)
+
+    def _draw(self, look: Look, view: str, max_error: float | None) -> np.ndarray:
+        check_mode(look, max_error)
+        native = self.model._open
+        order = native.front_to_back(look, view)
+        if self._each is None:
+            pictures = (native.render_brick(index, look, view, self._transfer) for index in order)
+            picture = None
+            for farther in pictures:
+                picture = put_together(picture, farther, look.mode)
+        else:
+            picture = self._each(order, look, view, self._transfer)
+        columns, rows = look.size
+        return np.zeros((rows, columns, 4), np.float32) if picture is None else picture
+
+
+def check_mode(look: Look, max_error: float | None) -> None:
+    """Refuses what cannot be drawn brick by brick."""
+    if max_error is not None:
+        raise ValueError("max_error is not for pictures brick by brick; join the collection first")
+    if look.mode in ("maximum", "maximum-grey"):
+        raise ValueError(f"mode {look.mode} interpolates between bricks; join the collection first")
+    if look.mode == "xray" and look.exposure is None:
+        raise ValueError("exposure must be given to draw xray brick by brick: by default each brick would have its own")
+
+
+def put_together(nearer: np.ndarray | None, farther: np.ndarray | None, mode: str) -> np.ndarray | None:
+    """Returns the picture of what both show, `nearer` in front; None is a picture of nothing."""
+    if nearer is None or farther is None:
+        return farther if nearer is None else nearer
+    clear = 1 - (nearer if mode == "xray" else nearer[..., 3:])
+    return nearer + clear * farther
+
+
+def split(
+    f: Model | str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    slab: int | None = None,
+    brick: Sequence[int] | None = None,
+    memory: int | str | None = None,
+    threads: int | None = None,
+) -> Collection:
+    """Splits a model into a collection in the new folder `out`.
+
+    `slab` is the number of slices of a brick along z; or `brick` its number of points (z, y, x), 0 where an axis is not
+    cut. `Collection.join` makes the same file of it again, byte for byte.
+
+    >>> adj.split(f, "cubes.adjs", brick=(32, 32, 32)).count == f.count
+    True
+    """
+    model = f if isinstance(f, Model) else open(f)
+    size = brick_size(slab, brick)
+    _native.split(model._open, path_in_folder(out), size, byte_count(memory), thread_count(threads))
+    return Collection(out)
+
+
+def brick_size(slab: int | None, brick: Sequence[int] | None) -> list[int]:
+    """Returns the most points of a brick along x, y, z."""
+    if (slab is None) == (brick is None):
+        raise ValueError("give slab, the slices of a brick along z, or brick, its points (z, y, x)")
+    sizes = [slab, 0, 0] if brick is None else list(brick)
+    sizes = [whole("points of a brick", size) for size in sizes]
+    if len(sizes) != 3 or min(sizes) < 0 or max(sizes) > 65535 or slab == 0:
+        raise ValueError(f"a brick has 1 to 65535 points (z, y, x), or 0 where an axis is not cut, not {sizes}")
+    return sizes[::-1]
+
+
+class BrickPlan:
+    """The plan of a collection that is built brick by brick, anywhere; every step is a function of its arguments alone.
+
+    The plan knows the array's shape and type. It is scanned until all is known that codes depend on, then bricks are built,
+    in any order, by any process. A step that failed is simply done again.
+
+    >>> array = np.arange(4096, dtype=np.uint16).reshape(16, 16, 16)
+    >>> plan = adj.BrickPlan(array, visible=(2000, None), slab=4)
+    >>> while not plan.is_agreed:
+    ...     plan = plan.agree([plan.scan(k, array[plan.samples_of(k)]) for k in range(plan.count)])
+    >>> os.mkdir("ramp.adjs")
+    >>> sum(plan.build(k, array[plan.samples_of(k)], "ramp.adjs") for k in range(plan.count))
+    2096
+    >>> plan.finish("ramp.adjs").count
+    2096
+    """
+
+    def __init__(
+        self,
+        array: Any,
+        *,
+        slab: int | None = None,
+        brick: Sequence[int] | None = None,
+        visible: tuple[float | None, float | None] | None = None,
+        transfer: Any = None,
+        labels: Any = None,
+        spacing: Sequence[float] | None = None,
+        origin: Sequence[float] | None = None,
+        direction: Any = None,
+        frame: str = "RAS",
+        unit: str | None = None,
+        lanes: str = "xyz",
+        value_bits: int | None = None,
+        normal_bits: int | None = None,
+    ):
+        chosen = chosen_transfer(visible, transfer, labels)
+        if chosen is None or chosen == "file":
+            raise ValueError("say what is visible: visible=(low, high), transfer= or labels= (but not of the file)")
+        if not is_array(array):
+            raise TypeError(f"a plan is of an array (z, y, x), not {type(array).__name__}")
+        place = Place(spacing, origin, direction, frame, unit)
+        packing = Packing(lanes, value_bits, normal_bits, None, None)
+        self._native = _native.Plan(_source(array, place), chosen, packing, brick_size(slab, brick))
+
+    @classmethod
+    def _of(cls, native: _native.Plan) -> BrickPlan:
+        plan = cls.__new__(cls)
+        plan._native = native
+        return plan
+
+    @classmethod
+    def from_json(cls, text: str) -> BrickPlan:
+        """Reads what `to_json` wrote."""
+        return cls._of(_native.Plan.from_json(text))
+
+    def to_json(self) -> str:
+        """Returns the plan as text."""
+        return self._native.to_json()
+
+    def __reduce__(self) -> Any:
+        return BrickPlan.from_json, (self.to_json(),)
+
+    @property
+    def count(self) -> int:
+        """Number of bricks."""
+        return self._native.count
+
+    @property
+    def is_agreed(self) -> bool:
+        """Whether scans have found all that codes depend on, so that bricks can be built."""
+        return self._native.is_agreed()
+
+    def samples_of(self, index: int) -> tuple[slice, slice, slice]:
+        """Returns the part of the array that a brick is built from: its own, and what gradients need around it."""
+        low, size = self._native.samples_of(whole("index", index))
+        z, y, x = (slice(first, first + points) for first, points in zip(low[::-1], size[::-1]))
+        return z, y, x
+
+    def scan(self, index: int, samples: Any, *, memory: int | str | None = None, threads: int | None = None) -> str:
+        """Scans a brick's samples; returns what was found, as text."""
+        return self._native.scan(whole("index", index), _source(samples), byte_count(memory), thread_count(threads))
+
+    def agree(self, findings: Sequence[str]) -> BrickPlan:
+        """Returns the plan with what scans of all bricks found."""
+        return BrickPlan._of(self._native.agree(list(findings)))
+
+    def build(
+        self,
+        index: int,
+        samples: Any,
+        folder: str | os.PathLike[str],
+        *,
+        memory: int | str | None = None,
+        threads: int | None = None,
+    ) -> int:
+        """Builds a brick as a file in `folder`, if it has visible voxels; returns their number."""
+        path, limits = os.path.abspath(os.fsdecode(folder)), (byte_count(memory), thread_count(threads))
+        return self._native.build(whole("index", index), _source(samples), path, *limits)
+
+    def finish(self, folder: str | os.PathLike[str]) -> Collection:
+        """Writes the manifest of the bricks in `folder`, which is then a collection."""
+        self._native.finish(os.path.abspath(os.fsdecode(folder)))
+        return Collection(folder)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a user should know of the samples, a line each: NaN, labels without a name, rounded labels."""
+        return self._native.warnings()
+
+
+def _source(array: Any, place: Place | None = None) -> _native.Source:
+    slices = Slices(array, None)
+    where = Place(None, None, None, "RAS", None) if place is None else place
+    return _native.array_source(slices.read, slices.dims, slices.sample_type, slices.name, where, slices.buffer_bytes)
+
+
+def building_folder(out: str) -> str:
+    """Creates the folder in which the bricks of the collection `out` are built, beside it."""
+    if os.path.exists(out):
+        raise FileExistsError(17, "is there already; remove it first, or give another name", out)
+    return tempfile.mkdtemp(prefix=f".{os.path.basename(out)}.", suffix=".building", dir=os.path.dirname(out))
+
+
+def finished(plan: BrickPlan, building: str, out: str) -> Collection:
+    """Makes a collection of the bricks in `building` and gives it its name; what killed workers left there goes."""
+    plan.finish(building)
+    kept = {brick.file for brick in Collection(building).bricks} | {"collection.json"}
+    for name in set(os.listdir(building)) - kept:
+        path = os.path.join(building, name)
+        shutil.rmtree(path) if os.path.isdir(path) else os.remove(path)
+    mask = os.umask(0)
+    os.umask(mask)
+    os.chmod(building, 0o777 & ~mask)
+    os.rename(building, out)
+    return Collection(out)

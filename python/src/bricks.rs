@@ -1,0 +1,256 @@
+//! Collections: volumes in several files, their plans, and their pictures brick by brick.
+
+use std::path::PathBuf;
+
+use adjsplat::build::{BuildOptions, Resources};
+use adjsplat::collection::{self, Partition};
+use adjsplat::error::Error;
+use adjsplat::internals::{drawable, stored_transfer};
+use adjsplat::splat::{Camera, Orbit, Up};
+use numpy::PyArray3;
+use pyo3::prelude::*;
+
+use crate::build::{Packing, threads_or_all, warnings};
+use crate::errors::exception;
+use crate::model::Model;
+use crate::render::{Look, camera, picture};
+use crate::source::Source;
+use crate::transfer::parsed;
+use crate::watch::Watch;
+
+/// How the bricks of a volume are built; it travels as JSON.
+#[pyclass(frozen, module = "adjsplat._native")]
+pub(crate) struct Plan(collection::Plan);
+
+/// What a step of a plan may use.
+fn resources(memory: Option<u64>, threads: Option<usize>, folder: PathBuf) -> PyResult<Resources> {
+    Ok(Resources { memory, threads: threads_or_all(threads)?, folder: Some(folder) })
+}
+
+#[pymethods]
+impl Plan {
+    /// Plans bricks of at most `brick` points (x, y, z) of a volume that need not have samples yet; `transfer` is JSON.
+    #[new]
+    fn new(source: &Source, transfer: &str, packing: Packing, brick: [u32; 3]) -> PyResult<Plan> {
+        let options: BuildOptions = packing.options(parsed(transfer)?);
+        let header = source.volume().header().clone();
+        collection::Plan::new(&header, options, brick).map(Plan).map_err(exception)
+    }
+
+    /// Reads the text of `to_json`.
+    #[staticmethod]
+    fn from_json(text: &str) -> PyResult<Plan> {
+        collection::Plan::from_json(text).map(Plan).map_err(exception)
+    }
+
+    /// Returns the plan as JSON.
+    fn to_json(&self) -> String {
+        self.0.to_json()
+    }
+
+    /// Number of bricks.
+    #[getter]
+    fn count(&self) -> PyResult<usize> {
+        self.0.partition().map(|partition| partition.len()).map_err(exception)
+    }
+
+    /// Returns the lowest point and the size (x, y, z) of the samples that a brick is built from.
+    fn samples_of(&self, index: usize) -> PyResult<[[u32; 3]; 2]> {
+        let region = self.0.samples_of(index).map_err(exception)?;
+        Ok([region.low(), region.size()])
+    }
+
+    /// Returns whether bricks can be built.
+    fn is_agreed(&self) -> PyResult<bool> {
+        self.0.is_agreed().map_err(exception)
+    }
+
+    /// Scans a brick and returns what was found, as JSON.
+    fn scan(
+        &self,
+        py: Python<'_>,
+        index: usize,
+        source: &Source,
+        memory: Option<u64>,
+        threads: Option<usize>,
+    ) -> PyResult<String> {
+        let resources = resources(memory, threads, std::env::temp_dir())?;
+        let raised = source.raised.clone();
+        let mut watch = Watch::new(None, raised.clone());
+        let found = py.detach(|| self.0.scan(index, &mut **source.volume(), &resources, &mut watch));
+        Ok(serde_json::to_string(&raised.or(found)?).expect("numbers are plain JSON"))
+    }
+
+    /// Adds what scans of all bricks found.
+    fn agree(&self, findings: Vec<String>) -> PyResult<Plan> {
+        let parsed = findings.iter().map(|text| serde_json::from_str(text)).collect::<Result<Vec<_>, _>>();
+        let parsed = parsed.map_err(|fault| exception(Error::input("findings", fault.to_string())))?;
+        self.0.clone().agree(&parsed).map(Plan).map_err(exception)
+    }
+
+    /// Builds a brick as a file in `folder`; returns its number of visible voxels.
+    fn build(
+        &self,
+        py: Python<'_>,
+        index: usize,
+        source: &Source,
+        folder: PathBuf,
+        memory: Option<u64>,
+        threads: Option<usize>,
+    ) -> PyResult<u64> {
+        let resources = resources(memory, threads, folder.clone())?;
+        let raised = source.raised.clone();
+        let mut watch = Watch::new(None, raised.clone());
+        let built = py.detach(|| self.0.build(index, &mut **source.volume(), &folder, &resources, &mut watch));
+        raised.or(built)
+    }
+
+    /// Makes a collection of the bricks in `folder`.
+    fn finish(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
+        py.detach(|| self.0.finish(&folder)).map(drop).map_err(exception)
+    }
+
+    /// Returns what a user should know of the samples, one line each.
+    fn warnings(&self) -> PyResult<Vec<String>> {
+        self.0.samples().map(|samples| warnings(&samples)).map_err(exception)
+    }
+}
+
+/// An open collection.
+#[pyclass(frozen, module = "adjsplat._native")]
+pub(crate) struct Collection(collection::Collection);
+
+#[pymethods]
+impl Collection {
+    /// Opens the collection in a folder; with `partial` bricks may be missing.
+    #[staticmethod]
+    fn open(py: Python<'_>, path: PathBuf, partial: bool) -> PyResult<Collection> {
+        let opened = py.detach(|| {
+            let collection = collection::Collection::open(path)?;
+            if !partial {
+                collection.require_all()?;
+            }
+            Ok(collection)
+        });
+        opened.map(Collection).map_err(exception)
+    }
+
+    /// Points along x, y, z.
+    #[getter]
+    fn dims(&self) -> [u32; 3] {
+        self.0.grid().dims
+    }
+
+    /// For each brick its lowest point and its size (x, y, z), its number of visible voxels, and its file.
+    #[getter]
+    fn bricks(&self) -> Vec<([u32; 3], [u32; 3], u64, Option<String>)> {
+        let entries = self.0.bricks().iter().map(|brick| &brick.entry);
+        entries.map(|entry| (entry.low, entry.size, entry.visible_voxels, entry.file.clone())).collect()
+    }
+
+    /// What is wrong with bricks, one line each.
+    #[getter]
+    fn faults(&self) -> Vec<String> {
+        self.0.faults().iter().map(ToString::to_string).collect()
+    }
+
+    /// Checks every byte of every brick; returns what is wrong, one line each.
+    fn check(&self, py: Python<'_>) -> Vec<String> {
+        py.detach(|| self.0.check().iter().map(ToString::to_string).collect())
+    }
+
+    /// Joins the bricks to a file and opens it.
+    fn join(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        memory: Option<u64>,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Model> {
+        let threads = threads_or_all(threads)?;
+        let raised = crate::watch::Raised::default();
+        let mut watch = Watch::new(progress, raised.clone());
+        let joined = py.detach(|| {
+            self.0.join(&path, memory, threads, &mut watch)?;
+            adjsplat::Model::open(&path)
+        });
+        raised.or(joined).map(Model)
+    }
+
+    /// Returns the camera of each orbit (azimuth, elevation), as JSON: all look at one point and have one scale.
+    fn cameras(
+        &self,
+        py: Python<'_>,
+        look: Look,
+        orbits: Vec<[f64; 2]>,
+        zoom: f64,
+        perspective: Option<f64>,
+        up: &str,
+    ) -> PyResult<Vec<String>> {
+        let up = Up::from_name(up).map_err(exception)?;
+        let orbit = |[azimuth, elevation]: [f64; 2]| Orbit { azimuth, elevation, zoom, fov: perspective, up };
+        let orbits: Vec<Orbit> = orbits.into_iter().map(orbit).collect();
+        let settings = look.settings()?;
+        let framed = || Camera::framing(&orbits, &self.0.outline(settings.crop)?, settings.size);
+        let cameras = py.detach(framed).map_err(exception)?;
+        Ok(cameras.iter().map(|camera| serde_json::to_string(camera).expect("numbers are finite")).collect())
+    }
+
+    /// Returns the indices of the bricks that have files, the nearest first.
+    fn front_to_back(&self, look: Look, camera: &str) -> PyResult<Vec<usize>> {
+        let (settings, camera) = (look.settings()?, self::camera(camera)?);
+        let order = self.0.front_to_back(&camera, &settings).map_err(exception)?;
+        Ok(order.into_iter().filter(|&index| self.0.bricks()[index].file.is_some()).collect())
+    }
+
+    /// Draws one brick; None if nothing of it is in the picture. `transfer` is JSON; without, the file's own.
+    fn render_brick<'py>(
+        &self,
+        py: Python<'py>,
+        index: usize,
+        look: Look,
+        camera: &str,
+        transfer: Option<&str>,
+    ) -> PyResult<Option<Bound<'py, PyArray3<f32>>>> {
+        let (settings, camera) = (look.settings()?, self::camera(camera)?);
+        let given = transfer.map(parsed).transpose()?;
+        let missing = || Error::input("brick", format!("{index} does not exist, or has no file"));
+        let drawn = py.detach(|| {
+            let file = self.0.bricks().get(index).and_then(|brick| brick.file.as_ref()).ok_or_else(missing)?;
+            let arena = file.arena()?;
+            let transfer = match given {
+                Some(transfer) => drawable(&arena, transfer)?,
+                None => stored_transfer(&arena).ok_or_else(|| {
+                    Error::input(file.path().display().to_string(), "stores no transfer function that can be read")
+                })?,
+            };
+            self.0.render_brick(index, &transfer, &camera, &settings)
+        });
+        match drawn.map_err(exception)? {
+            Some((frame, stats)) if stats.splats_drawn > 0 => picture(py, &frame).map(Some),
+            _ => Ok(None),
+        }
+    }
+}
+
+/// Splits a model into bricks of at most `brick` points (x, y, z) in the new folder `path`.
+#[pyfunction]
+pub(crate) fn split(
+    py: Python<'_>,
+    model: &Model,
+    path: PathBuf,
+    brick: [u32; 3],
+    memory: Option<u64>,
+    threads: Option<usize>,
+) -> PyResult<()> {
+    let threads = threads_or_all(threads)?;
+    let arena = model.arena()?;
+    let raised = crate::watch::Raised::default();
+    let mut watch = Watch::new(None, raised.clone());
+    let done = py.detach(|| {
+        let partition = Partition::into_boxes(arena.facts().grid.dims, brick)?;
+        collection::split(&arena, &partition, &path, memory, threads, &mut watch)
+    });
+    raised.or(done).map(drop)
+}
