@@ -3,6 +3,7 @@
 mod arenas;
 mod budgets;
 mod cache;
+mod collection;
 mod compare;
 #[cfg(target_os = "linux")]
 mod cut;
