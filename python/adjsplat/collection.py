@@ -149,12 +149,17 @@ def check_mode(look: Look, max_error: float | None) -> None:
         raise ValueError("exposure must be given to draw xray brick by brick: by default each brick would have its own")
 
 
+def over(nearer: np.ndarray, farther: np.ndarray, mode: str) -> np.ndarray:
+    """Returns the picture of what both show, `nearer` in front: colours are seen through what is clear; depths add up."""
+    clear = 1 - (nearer if mode == "xray" else nearer[..., 3:])
+    return nearer + clear * farther
+
+
 def put_together(nearer: np.ndarray | None, farther: np.ndarray | None, mode: str) -> np.ndarray | None:
     """Returns the picture of what both show, `nearer` in front; None is a picture of nothing."""
     if nearer is None or farther is None:
         return farther if nearer is None else nearer
-    clear = 1 - (nearer if mode == "xray" else nearer[..., 3:])
-    return nearer + clear * farther
+    return over(nearer, farther, mode)
 
 
 def split(

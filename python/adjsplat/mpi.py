@@ -1,0 +1,251 @@
+"""Building and drawing collections with MPI, through mpi4py; all ranks see one file system.
+
+    mpirun -n 4 python -m adjsplat.mpi build volume.npy -o head.adjs --visible 60.. --slab 64
+    mpirun -n 4 python -m adjsplat.mpi render head.adjs -o head.png --azimuth 30 --elevation 20
+
+A rank draws bricks that follow each other in depth. Pictures are put together by binary swap (Ma et al. 1994) where the
+number of ranks is a power of two, else by direct send (Hsu 1993): each rank composites a part of the rows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import shutil
+import sys
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ._optional import needed
+from .arguments import path_in_folder
+from .build import BuildWarning
+from .collection import BrickPlan, BrickRenderer, Collection, building_folder, finished, over, put_together
+from .pictures import save
+from .render import Look
+
+
+def build(
+    array: Any,
+    out: str | os.PathLike[str],
+    *,
+    slab: int | None = None,
+    brick: Sequence[int] | None = None,
+    comm: Any = None,
+    **options: Any,
+) -> Collection:
+    """Builds a collection of an array that every rank can read; all ranks call this, and all get it.
+
+    `slab`, `brick` and `options` are those of `adjsplat.dask.build`. A rank that fails ends the build on all ranks, which
+    then raise RuntimeError with its message; nothing is left.
+    """
+    comm = _world() if comm is None else comm
+    path = path_in_folder(os.fsdecode(out).rstrip("/"))
+
+    def planned() -> tuple[str, str]:
+        plan = BrickPlan(array, slab=slab, brick=brick, **options)
+        return plan.to_json(), building_folder(path)
+
+    text, building = comm.bcast(_together(comm, planned if comm.rank == 0 else lambda: None), root=0)
+    plan = BrickPlan.from_json(text)
+    try:
+        own = range(comm.rank, plan.count, comm.size)
+
+        def scanned(plan: BrickPlan) -> dict[int, str]:
+            return {index: plan.scan(index, np.asarray(array[plan.samples_of(index)]), threads=1) for index in own}
+
+        def built(plan: BrickPlan) -> None:
+            for index in own:
+                plan.build(index, np.asarray(array[plan.samples_of(index)]), building, threads=1)
+
+        while not _together(comm, plan.__getattribute__, "is_agreed"):
+            findings: dict[int, str] = {}
+            for of_rank in comm.allgather(_together(comm, scanned, plan)):
+                findings |= of_rank
+            plan = plan.agree([findings[index] for index in range(plan.count)])
+        _together(comm, built, plan)
+        _together(comm, lambda: finished(plan, building, path) if comm.rank == 0 else None)
+    finally:
+        if comm.rank == 0:
+            shutil.rmtree(building, ignore_errors=True)
+    if comm.rank == 0:
+        for line in plan.warnings:
+            warnings.warn(line, BuildWarning, stacklevel=2)
+    return Collection(path)
+
+
+def render(
+    collection: Collection | str | os.PathLike[str], *view: Any, transfer: Any = None, comm: Any = None, **look: Any
+) -> np.ndarray | None:
+    """Draws a picture of a collection; all ranks call this, and rank 0 gets the picture, the others None.
+
+    The arguments are those of `Collection.render`; `threads`, 1 by default, are those of a rank. A rank that fails ends the
+    drawing on all ranks, which then raise RuntimeError with its message.
+    """
+    comm = _world() if comm is None else comm
+    opened = collection if isinstance(collection, Collection) else _together(comm, lambda: Collection(collection))
+
+    def each(order: list[int], look: Look, camera: str, function: str | None) -> np.ndarray | None:
+        bounds = [len(order) * rank // comm.size for rank in (comm.rank, comm.rank + 1)]
+
+        def drawn() -> np.ndarray:
+            picture = None
+            for index in order[bounds[0] : bounds[1]]:
+                farther = opened._open.render_brick(index, look, camera, function)
+                picture = put_together(picture, farther, look.mode)
+            columns, rows = look.size
+            return np.zeros((rows, columns, 4), np.float32) if picture is None else picture
+
+        return composited(comm, _together(comm, drawn), look.mode)
+
+    look.setdefault("threads", 1)
+    picture = BrickRenderer(opened, transfer=transfer, each=each).render(*view, **look)
+    return picture if comm.rank == 0 else None
+
+
+def composited(comm: Any, picture: np.ndarray, mode: str) -> np.ndarray | None:
+    """Puts the ranks' pictures together, a lower rank's in front; rank 0 gets the result, the others None."""
+    rows = picture.shape[0]
+    if comm.size & (comm.size - 1) == 0:
+        first, last = 0, rows
+        for bit in range(comm.size.bit_length() - 1):
+            partner = comm.rank ^ (1 << bit)
+            middle = (first + last) // 2
+            kept, given = ((first, middle), (middle, last))[:: -1 if comm.rank > partner else 1]
+            received = np.empty((kept[1] - kept[0], *picture.shape[1:]), np.float32)
+            sent = np.ascontiguousarray(picture[given[0] : given[1]])
+            comm.Sendrecv(sent, partner, recvbuf=received, source=partner)
+            own = picture[kept[0] : kept[1]]
+            pair = [own, received] if comm.rank < partner else [received, own]
+            picture[kept[0] : kept[1]] = over(pair[0], pair[1], mode)
+            first, last = kept
+        part = picture[first:last]
+    else:
+        ends = [rows * rank // comm.size for rank in range(comm.size + 1)]
+        first = ends[comm.rank]
+        parts = comm.alltoall([picture[start:end] for start, end in zip(ends, ends[1:])])
+        part = parts[0]
+        for farther in parts[1:]:
+            part = over(part, farther, mode)
+    gathered = comm.gather((first, part), root=0)
+    if gathered is None:
+        return None
+    return np.concatenate([rows for _, rows in sorted(gathered, key=lambda pair: pair[0])])
+
+
+def _world() -> Any:
+    return needed("mpi4py.MPI", "adjsplat.mpi").COMM_WORLD
+
+
+def _together(comm: Any, step: Callable[..., Any], *arguments: Any) -> Any:
+    """Does a step on every rank; if it fails on one, all raise what the first of them says."""
+    try:
+        result, failure = step(*arguments), None
+    except Exception as error:
+        result, failure = None, error
+    failures = comm.allgather(None if failure is None else str(failure) or type(failure).__name__)
+    first = next((rank for rank, text in enumerate(failures) if text is not None), None)
+    if first is not None:
+        raise RuntimeError(f"rank {first}: {failures[first]}") from failure
+    return result
+
+
+def _range(text: str) -> tuple[float | None, float | None]:
+    low, dots, high = text.partition("..")
+    if not dots:
+        raise ValueError
+    return (float(low) if low else None, float(high) if high else None)
+
+
+def _size(text: str) -> tuple[int, int]:
+    columns, rows = text.split("x")
+    return int(columns), int(rows)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m adjsplat.mpi", description="Builds and draws collections with MPI."
+    )
+    commands = parser.add_subparsers(dest="command", required=True)
+    building = commands.add_parser("build", help="build a collection of a .npy file or a zarr array")
+    building.add_argument("input", metavar="VOLUME")
+    building.add_argument("-o", "--output", required=True, metavar="OUT.adjs")
+    building.add_argument("--slab", type=int, required=True, metavar="SLICES", help="slices of a brick along z")
+    visible = building.add_mutually_exclusive_group(required=True)
+    visible.add_argument("--visible", type=_range, metavar="LOW..HIGH", help="values to show; an end may be left out")
+    visible.add_argument("--transfer", metavar="FILE|PRESET", help="a transfer function")
+    building.add_argument("--lanes", default="xyz", choices=["x", "xy", "xyz"])
+    drawing = commands.add_parser("render", help="draw a picture of a collection")
+    drawing.add_argument("input", metavar="IN.adjs")
+    drawing.add_argument("-o", "--output", required=True, metavar="OUT.png|OUT.exr")
+    drawing.add_argument("--size", type=_size, default=(800, 800), metavar="WxH")
+    for name, default in (
+        ("azimuth", 0.0),
+        ("elevation", 0.0),
+        ("zoom", 1.0),
+        ("perspective", None),
+        ("exposure", None),
+    ):
+        drawing.add_argument(f"--{name}", type=float, default=default)
+    drawing.add_argument("--camera", metavar="JSON", help="the whole view, as adj render takes it")
+    drawing.add_argument("--quality", default="standard")
+    drawing.add_argument("--mode", default="composite")
+    drawing.add_argument("--background", metavar="COLOUR")
+    drawing.add_argument("--threads", type=int, default=1, help="threads of a rank")
+    drawing.add_argument("--partial", action="store_true", help="leave out bricks that cannot be used, and name them")
+    for command in (building, drawing):
+        command.add_argument("--json", action="store_true", help="print each rank's processor seconds")
+    return parser
+
+
+def _run(arguments: argparse.Namespace, comm: Any) -> str:
+    """Does what the command line asks for; returns what rank 0 prints."""
+    if arguments.command == "build":
+        volume = _together(comm, lambda: _opened(arguments.input))
+        chosen = {"visible": arguments.visible} if arguments.visible else {"transfer": arguments.transfer}
+        bricks = build(volume, arguments.output, slab=arguments.slab, lanes=arguments.lanes, comm=comm, **chosen)
+        return f"{arguments.output}: {len(bricks.bricks)} bricks, {bricks.count} visible voxels"
+    bricks = _together(comm, lambda: Collection(arguments.input, partial=arguments.partial))
+    if comm.rank == 0:
+        for fault in bricks.faults:
+            print(f"adjsplat.mpi: {fault}; it is left out", file=sys.stderr)
+    names = ("size", "quality", "mode", "exposure", "background", "threads")
+    look = {name: getattr(arguments, name) for name in names}
+    if arguments.camera is None:
+        look |= {name: getattr(arguments, name) for name in ("azimuth", "elevation", "zoom", "perspective")}
+    else:
+        look["camera"] = _together(comm, lambda: json.loads(arguments.camera))
+    picture = render(bricks, comm=comm, **look)
+    _together(comm, lambda: None if picture is None else save(arguments.output, picture))
+    return f"{arguments.output}: {arguments.size[0]}x{arguments.size[1]}, {comm.size} ranks"
+
+
+def _opened(path: str) -> Any:
+    if path.endswith(".npy"):
+        return np.load(path, mmap_mode="r")
+    return needed("zarr", "reading zarr arrays").open_array(path, mode="r")
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Runs the command line on this rank; returns the exit code: 0, or 2 after one line on stderr."""
+    arguments = _parser().parse_args(words)
+    comm = _world()
+    try:
+        told = _run(arguments, comm)
+    except Exception as error:
+        if comm.rank == 0:
+            print(f"adjsplat.mpi: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    seconds = comm.gather(round(usage.ru_utime + usage.ru_stime, 3), root=0)
+    if comm.rank == 0:
+        print(json.dumps({"output": arguments.output, "processor_seconds": seconds}) if arguments.json else told)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

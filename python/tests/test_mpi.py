@@ -1,0 +1,64 @@
+"""Collections with MPI: any number of ranks builds the same bytes and draws the same picture."""
+
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from conftest import blob
+
+import adjsplat as adj
+
+pytest.importorskip("mpi4py")
+if shutil.which("mpirun") is None:
+    pytest.skip("mpirun is absent", allow_module_level=True)
+
+ALLOWED = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+
+
+def run(ranks, *words, folder):
+    command = ["mpirun", "--oversubscribe", "-n", str(ranks), sys.executable, "-m", "adjsplat.mpi", *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, env=os.environ | ALLOWED, timeout=120)
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 3, 4])
+def test_ranks_build_the_bytes_and_draw_the_picture_of_one(ranks, tmp_path):
+    array = blob((24, 24, 28), np.int16) * 5
+    np.save(tmp_path / "a.npy", array)
+    whole = adj.build(array, tmp_path / "whole.adj", visible=(300, None))
+    built = run(ranks, "build", "a.npy", "-o", "a.adjs", "--visible", "300..", "--slab", "5", folder=tmp_path)
+    assert built.returncode == 0 and "5 bricks" in built.stdout, built.stderr
+    adj.Collection(tmp_path / "a.adjs").join(tmp_path / "a.adj")
+    assert pathlib.Path(tmp_path / "a.adj").read_bytes() == pathlib.Path(tmp_path / "whole.adj").read_bytes()
+    view = ["--size", "50x41", "--azimuth", "20", "--elevation", "75", "--quality", "reference"]
+    drawn = run(ranks, "render", "a.adjs", "-o", "a.exr", *view, folder=tmp_path)
+    assert drawn.returncode == 0, drawn.stderr
+    one = adj.render(whole, (50, 41), 20, 75, quality="reference")
+    adj.save(tmp_path / "one.exr", one)
+    assert adj.compare(tmp_path / "one.exr", tmp_path / "a.exr").psnr > 100
+    assert {path.name for path in tmp_path.iterdir()} == {"a.npy", "whole.adj", "a.adjs", "a.adj", "a.exr", "one.exr"}
+
+
+def test_a_rank_that_fails_ends_all_with_its_message(tmp_path):
+    np.save(tmp_path / "a.npy", blob())
+    refused = [
+        (["build", "no.npy", "-o", "a.adjs", "--visible", "60..", "--slab", "5"], "no.npy"),
+        (["build", "a.npy", "-o", "a.adjs", "--visible", "250..", "--slab", "5"], "nothing is visible"),
+        (["build", "a.npy", "-o", "a.adjs", "--transfer", "no.json", "--slab", "5"], "no.json"),
+        (["render", "no.adjs", "-o", "a.png"], "no.adjs"),
+    ]
+    for words, part in refused:
+        ran = run(3, *words, folder=tmp_path)
+        lines = [line for line in ran.stderr.splitlines() if line.startswith("adjsplat.mpi:")]
+        assert ran.returncode == 2 and len(lines) == 1 and part in lines[0], ran.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]
+    run(2, "build", "a.npy", "-o", "a.adjs", "--visible", "60..", "--slab", "5", folder=tmp_path)
+    brick = adj.Collection(tmp_path / "a.adjs").bricks[2].file
+    os.remove(tmp_path / "a.adjs" / brick)
+    ran = run(2, "render", "a.adjs", "-o", "a.png", folder=tmp_path)
+    assert ran.returncode == 2 and brick in ran.stderr and not (tmp_path / "a.png").exists()
+    ran = run(2, "render", "a.adjs", "-o", "a.png", "--size", "20x20", "--partial", folder=tmp_path)
+    assert ran.returncode == 0 and brick in ran.stderr and (tmp_path / "a.png").exists()
