@@ -65,11 +65,11 @@ class Collection:
     @property
     def count(self) -> int:
         """Number of visible voxels of the whole."""
-        return sum(brick.voxels for brick in self.bricks)
+        return self._native.count
 
     @property
     def bricks(self) -> list[Brick]:
-        """The bricks, by ascending z, then y, then x."""
+        """The bricks, partition after partition, each by ascending z, then y, then x."""
         turned = lambda numbers: (numbers[2], numbers[1], numbers[0])
         return [Brick(turned(low), turned(size), count, file) for low, size, count, file in self._native.bricks]
 
@@ -168,32 +168,38 @@ def split(
     *,
     slab: int | None = None,
     brick: Sequence[int] | None = None,
+    partition: str = "z",
     memory: int | str | None = None,
     threads: int | None = None,
 ) -> Collection:
     """Splits a model into a collection in the new folder `out`.
 
     `slab` is the number of slices of a brick along z; or `brick` its number of points (z, y, x), 0 where an axis is not
-    cut. `Collection.join` makes the same file of it again, byte for byte.
+    cut. With `partition="xyz"` every voxel is stored three times, in slabs across z, y and x, and pictures brick by brick
+    are exact from every side. `Collection.join` makes the same file of it again, byte for byte.
 
     >>> adj.split(f, "cubes.adjs", brick=(32, 32, 32)).count == f.count
     True
     """
     model = f if isinstance(f, Model) else open(f)
-    size = brick_size(slab, brick)
-    _native.split(model._open, path_in_folder(out), size, byte_count(memory), thread_count(threads))
+    sizes = brick_sizes(slab, brick, partition)
+    _native.split(model._open, path_in_folder(out), sizes, byte_count(memory), thread_count(threads))
     return Collection(out)
 
 
-def brick_size(slab: int | None, brick: Sequence[int] | None) -> list[int]:
-    """Returns the most points of a brick along x, y, z."""
+def brick_sizes(slab: int | None, brick: Sequence[int] | None, partition: str) -> list[list[int]]:
+    """Returns the most points of a brick along x, y, z, for each partition."""
     if (slab is None) == (brick is None):
         raise ValueError("give slab, the slices of a brick along z, or brick, its points (z, y, x)")
+    if partition not in ("z", "xyz") or partition == "xyz" and slab is None:
+        raise ValueError(f'partition is "{partition}", but must be z, or xyz with slab')
     sizes = [slab, 0, 0] if brick is None else list(brick)
     sizes = [whole("points of a brick", size) for size in sizes]
     if len(sizes) != 3 or min(sizes) < 0 or max(sizes) > 65535 or slab == 0:
         raise ValueError(f"a brick has 1 to 65535 points (z, y, x), or 0 where an axis is not cut, not {sizes}")
-    return sizes[::-1]
+    if partition == "z":
+        return [sizes[::-1]]
+    return [[0, 0, sizes[0]], [0, sizes[0], 0], [sizes[0], 0, 0]]
 
 
 class BrickPlan:
@@ -205,7 +211,7 @@ class BrickPlan:
     >>> array = np.arange(4096, dtype=np.uint16).reshape(16, 16, 16)
     >>> plan = adj.BrickPlan(array, visible=(2000, None), slab=4)
     >>> while not plan.is_agreed:
-    ...     plan = plan.agree([plan.scan(k, array[plan.samples_of(k)]) for k in range(plan.count)])
+    ...     plan = plan.agree([plan.scan(k, array[plan.samples_of(k)]) for k in range(plan.scans)])
     >>> os.mkdir("ramp.adjs")
     >>> sum(plan.build(k, array[plan.samples_of(k)], "ramp.adjs") for k in range(plan.count))
     2096
@@ -219,6 +225,7 @@ class BrickPlan:
         *,
         slab: int | None = None,
         brick: Sequence[int] | None = None,
+        partition: str = "z",
         visible: tuple[float | None, float | None] | None = None,
         transfer: Any = None,
         labels: Any = None,
@@ -238,7 +245,7 @@ class BrickPlan:
             raise TypeError(f"a plan is of an array (z, y, x), not {type(array).__name__}")
         place = Place(spacing, origin, direction, frame, unit)
         packing = Packing(lanes, value_bits, normal_bits, None, None)
-        self._native = _native.Plan(_source(array, place), chosen, packing, brick_size(slab, brick))
+        self._native = _native.Plan(_source(array, place), chosen, packing, brick_sizes(slab, brick, partition))
 
     @classmethod
     def _of(cls, native: _native.Plan) -> BrickPlan:
@@ -260,8 +267,13 @@ class BrickPlan:
 
     @property
     def count(self) -> int:
-        """Number of bricks."""
-        return self._native.count
+        """Number of bricks to build, in all partitions."""
+        return sum(self._native.counts)
+
+    @property
+    def scans(self) -> int:
+        """Number of bricks to scan: those of the first partition, which come first."""
+        return self._native.counts[0]
 
     @property
     def is_agreed(self) -> bool:

@@ -63,7 +63,7 @@ def build(
     try:
         while not plan.is_agreed:
             text = plan.to_json()
-            tasks = [scan(text, index, part(array, plan.samples_of(index))) for index in range(plan.count)]
+            tasks = [scan(text, index, part(array, plan.samples_of(index))) for index in range(plan.scans)]
             plan = plan.agree(_computed(dask, tasks, retries))
         text = plan.to_json()
         tasks = [make(text, index, part(array, plan.samples_of(index)), building) for index in range(plan.count)]

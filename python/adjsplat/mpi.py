@@ -54,9 +54,10 @@ def build(
     plan = BrickPlan.from_json(text)
     try:
         own = range(comm.rank, plan.count, comm.size)
+        scans = range(comm.rank, plan.scans, comm.size)
 
         def scanned(plan: BrickPlan) -> dict[int, str]:
-            return {index: plan.scan(index, np.asarray(array[plan.samples_of(index)]), threads=1) for index in own}
+            return {index: plan.scan(index, np.asarray(array[plan.samples_of(index)]), threads=1) for index in scans}
 
         def built(plan: BrickPlan) -> None:
             for index in own:
@@ -66,7 +67,7 @@ def build(
             findings: dict[int, str] = {}
             for of_rank in comm.allgather(_together(comm, scanned, plan)):
                 findings |= of_rank
-            plan = plan.agree([findings[index] for index in range(plan.count)])
+            plan = plan.agree([findings[index] for index in range(plan.scans)])
         _together(comm, built, plan)
         _together(comm, lambda: finished(plan, building, path) if comm.rank == 0 else None)
     finally:
@@ -178,6 +179,7 @@ def _parser() -> argparse.ArgumentParser:
     visible = building.add_mutually_exclusive_group(required=True)
     visible.add_argument("--visible", type=_range, metavar="LOW..HIGH", help="values to show; an end may be left out")
     visible.add_argument("--transfer", metavar="FILE|PRESET", help="a transfer function")
+    building.add_argument("--partition", default="z", choices=["z", "xyz"], help="axes across which slabs are cut")
     building.add_argument("--lanes", default="xyz", choices=["x", "xy", "xyz"])
     drawing = commands.add_parser("render", help="draw a picture of a collection")
     drawing.add_argument("input", metavar="IN.adjs")
@@ -207,7 +209,8 @@ def _run(arguments: argparse.Namespace, comm: Any) -> str:
     if arguments.command == "build":
         volume = _together(comm, lambda: _opened(arguments.input))
         chosen = {"visible": arguments.visible} if arguments.visible else {"transfer": arguments.transfer}
-        bricks = build(volume, arguments.output, slab=arguments.slab, lanes=arguments.lanes, comm=comm, **chosen)
+        chosen |= {name: getattr(arguments, name) for name in ("slab", "partition", "lanes")}
+        bricks = build(volume, arguments.output, comm=comm, **chosen)
         return f"{arguments.output}: {len(bricks.bricks)} bricks, {bricks.count} visible voxels"
     bricks = _together(comm, lambda: Collection(arguments.input, partial=arguments.partial))
     if comm.rank == 0:

@@ -29,12 +29,12 @@ fn resources(memory: Option<u64>, threads: Option<usize>, folder: PathBuf) -> Py
 
 #[pymethods]
 impl Plan {
-    /// Plans bricks of at most `brick` points (x, y, z) of a volume that need not have samples yet; `transfer` is JSON.
+    /// Plans bricks, for each partition of at most so many points (x, y, z), of a volume that need not have samples yet; `transfer` is JSON.
     #[new]
-    fn new(source: &Source, transfer: &str, packing: Packing, brick: [u32; 3]) -> PyResult<Plan> {
+    fn new(source: &Source, transfer: &str, packing: Packing, bricks: Vec<[u32; 3]>) -> PyResult<Plan> {
         let options: BuildOptions = packing.options(parsed(transfer)?);
         let header = source.volume().header().clone();
-        collection::Plan::new(&header, options, brick).map(Plan).map_err(exception)
+        collection::Plan::new(&header, options, &bricks).map(Plan).map_err(exception)
     }
 
     /// Reads the text of `to_json`.
@@ -48,10 +48,11 @@ impl Plan {
         self.0.to_json()
     }
 
-    /// Number of bricks.
+    /// Number of bricks in each partition.
     #[getter]
-    fn count(&self) -> PyResult<usize> {
-        self.0.partition().map(|partition| partition.len()).map_err(exception)
+    fn counts(&self) -> PyResult<Vec<usize>> {
+        let partitions = self.0.partitions().map_err(exception)?;
+        Ok(partitions.iter().map(Partition::len).collect())
     }
 
     /// Returns the lowest point and the size (x, y, z) of the samples that a brick is built from.
@@ -139,6 +140,12 @@ impl Collection {
     #[getter]
     fn dims(&self) -> [u32; 3] {
         self.0.grid().dims
+    }
+
+    /// Number of visible voxels of the whole.
+    #[getter]
+    fn count(&self) -> u64 {
+        self.0.manifest().visible_voxels
     }
 
     /// For each brick its lowest point and its size (x, y, z), its number of visible voxels, and its file.
@@ -234,13 +241,13 @@ impl Collection {
     }
 }
 
-/// Splits a model into bricks of at most `brick` points (x, y, z) in the new folder `path`.
+/// Splits a model in the new folder `path` into bricks, for each partition of at most so many points (x, y, z).
 #[pyfunction]
 pub(crate) fn split(
     py: Python<'_>,
     model: &Model,
     path: PathBuf,
-    brick: [u32; 3],
+    bricks: Vec<[u32; 3]>,
     memory: Option<u64>,
     threads: Option<usize>,
 ) -> PyResult<()> {
@@ -249,8 +256,10 @@ pub(crate) fn split(
     let raised = crate::watch::Raised::default();
     let mut watch = Watch::new(None, raised.clone());
     let done = py.detach(|| {
-        let partition = Partition::into_boxes(arena.facts().grid.dims, brick)?;
-        collection::split(&arena, &partition, &path, memory, threads, &mut watch)
+        let dims = arena.facts().grid.dims;
+        let partitions =
+            bricks.iter().map(|&size| Partition::into_boxes(dims, size)).collect::<adjsplat::Result<Vec<_>>>()?;
+        collection::split(&arena, &partitions, &path, memory, threads, &mut watch)
     });
     raised.or(done).map(drop)
 }

@@ -110,6 +110,7 @@ fn of_collection(collection: &Collection) -> Value {
         "visible_voxels": facts.visible_voxels,
         "visible_share": facts.visible_voxels as f64 / facts.grid.points() as f64,
         "lanes": manifest.lanes,
+        "partitions": manifest.partitions.len(),
         "channels": channels(&facts),
         "tile_order": facts.tile_order.name(),
         "bricks": bricks,

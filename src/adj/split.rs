@@ -8,11 +8,12 @@ use serde_json::json;
 
 use super::progress::Progress;
 use super::resources::ResourceArguments;
-use super::values::number;
+use super::values::{choice, number};
 use super::{Answer, print_result};
 use adjsplat::collection::{Partition, split};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::AdjFile;
+use adjsplat::volume::Axis;
 
 /// Split an .adj file into a collection: a folder of bricks, each an .adj file of its own
 ///
@@ -30,6 +31,10 @@ pub(super) struct Arguments {
     output: PathBuf,
     #[command(flatten)]
     bricks: BrickArguments,
+    /// Axes across which slabs are cut. With xyz every voxel is stored three times, and pictures brick by brick are exact
+    /// from every side
+    #[arg(long, value_name = "AXES", default_value = "z", requires = "slab", value_parser = choice([("z", false, ""), ("xyz", true, "")]))]
+    partition: bool,
     /// Do not check the input first: faster, but damage may pass into the output
     #[arg(long)]
     no_verify: bool,
@@ -46,20 +51,13 @@ pub(super) struct Arguments {
 /// The flags for how large bricks are.
 #[derive(Debug, Args)]
 #[group(required = true, multiple = false)]
-pub(super) struct BrickArguments {
+struct BrickArguments {
     /// Slices of a brick along z, 1 to 65535; x and y are not cut
     #[arg(long, value_name = "SLICES", value_parser = number(1..=65_535u32))]
     slab: Option<u32>,
     /// Voxels of a brick along x, y and z: 128x128x64; 0 does not cut an axis
     #[arg(long, value_name = "XxYxZ", value_parser = brick)]
     brick: Option<[u32; 3]>,
-}
-
-impl BrickArguments {
-    /// Returns the most voxels of a brick along x, y, z; 0 where an axis is not cut.
-    pub(super) fn size(&self) -> [u32; 3] {
-        self.brick.unwrap_or([0, 0, self.slab.unwrap_or(0)])
-    }
 }
 
 fn brick(text: &str) -> Result<[u32; 3], String> {
@@ -74,10 +72,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     if !arguments.no_verify {
         arena.check().map_err(|fault| Error::Format { path: arguments.input.clone(), fault })?;
     }
-    let partition = Partition::into_boxes(arena.facts().grid.dims, arguments.bricks.size())?;
+    let (dims, BrickArguments { slab, brick }) = (arena.facts().grid.dims, &arguments.bricks);
+    let partitions = match (brick, slab.unwrap_or(0)) {
+        (Some(size), _) => vec![Partition::into_boxes(dims, *size)?],
+        (None, slab) if arguments.partition => Partition::into_slabs_of_all_axes(dims, slab)?.into(),
+        (None, slab) => vec![Partition::into_slabs(dims, Axis::Z, slab)?],
+    };
     let (memory, threads) = (Some(arguments.resources.memory()), arguments.resources.threads());
     let mut progress = Progress::new(arguments.quiet);
-    let collection = split(&arena, &partition, &arguments.output, memory, threads, &mut progress)?;
+    let collection = split(&arena, &partitions, &arguments.output, memory, threads, &mut progress)?;
     drop(progress);
     let (path, bricks) = (arguments.output.display(), collection.bricks());
     let files = bricks.iter().filter(|brick| brick.file.is_some()).count();

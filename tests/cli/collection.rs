@@ -15,7 +15,7 @@ fn bytes(folder: &Folder, name: &str) -> Vec<u8> {
     std::fs::read(folder.file(name)).expect("it is there")
 }
 
-const BRICK: &str = "a.adjs/brick-00008-00010-00012.adj";
+const BRICK: &str = "a.adjs/brick-0-00008-00010-00012.adj";
 
 #[test]
 fn a_split_file_joins_to_its_bytes_and_every_command_takes_it() {
@@ -65,7 +65,7 @@ fn bricks_that_cannot_be_used_are_named_and_left_out_on_demand() {
     split(&folder);
     let whole = bytes(&folder, BRICK);
     std::fs::remove_file(folder.file(BRICK)).expect("it is there");
-    let cut = "a.adjs/brick-00000-00010-00000.adj";
+    let cut = "a.adjs/brick-0-00000-00010-00000.adj";
     std::fs::write(folder.file(cut), &bytes(&folder, cut)[..300]).expect("it can be written");
     for line in ["join a.adjs -o b.adj", "render a.adjs -o a.png", "render a.adjs -o a.png --bricks"] {
         let ran = folder.adj(line);

@@ -3,6 +3,7 @@
 //! In: a folder. Out: [`Collection`], in which a brick that is missing, damaged or of another build is a fault with the
 //! brick's name; the others can still be joined and drawn.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::joined::JoinedRows;
@@ -55,7 +56,7 @@ impl Collection {
         let path = path.as_ref().to_path_buf();
         let manifest = Manifest::read(&path, limits)?;
         let (mut bricks, mut faults) = (Vec::new(), Vec::new());
-        for entry in &manifest.bricks {
+        for entry in manifest.partitions.iter().flatten() {
             let opened = entry.file.as_ref().map(|name| opened(&path.join(name), entry, &manifest, limits)).transpose();
             let file = opened.unwrap_or_else(|fault| {
                 faults.push(fault);
@@ -81,9 +82,27 @@ impl Collection {
         &self.manifest
     }
 
-    /// Returns the bricks by ascending z, then y, then x.
+    /// Returns the bricks, partition after partition, each by ascending z, then y, then x.
     pub fn bricks(&self) -> &[Brick] {
         &self.bricks
+    }
+
+    /// Returns the indices of the bricks of partition `number`.
+    pub(super) fn bricks_of(&self, number: usize) -> Range<usize> {
+        let lengths = self.manifest.partitions.iter().map(Vec::len);
+        let start = lengths.clone().take(number).sum();
+        start..start + lengths.skip(number).next().unwrap_or(0)
+    }
+
+    /// Returns the bricks that hold the whole once: those of the partition that lacks the fewest voxels.
+    pub(super) fn once(&self) -> &[Brick] {
+        let there = |bricks: &Range<usize>| {
+            let usable = self.bricks[bricks.clone()].iter().filter(|brick| brick.file.is_some());
+            usable.map(|brick| brick.entry.visible_voxels).sum::<u64>()
+        };
+        // Of several the first.
+        let partitions = (0..self.manifest.partitions.len()).rev().map(|number| self.bricks_of(number));
+        &self.bricks[partitions.max_by_key(there).expect("there is a partition")]
     }
 
     /// Returns the grid of the whole.
@@ -118,7 +137,7 @@ impl Collection {
     pub fn rows(&self) -> Result<impl Rows + '_> {
         let Manifest { channels, grid, .. } = &self.manifest;
         let mut bricks = Vec::new();
-        for Brick { entry, file, .. } in &self.bricks {
+        for Brick { entry, file, .. } in self.once() {
             let Some(file) = file else { continue };
             let lane = file.arena()?.lane(Axis::X).expect("every arena that opens has the lane along x");
             let rows: Box<dyn Rows> = Box::new(LaneRows::new(lane, |_, _, record| Some(record)));
@@ -133,14 +152,15 @@ impl Collection {
     /// [`Error::Limit`] if the bricks' files are larger than `most` bytes in all; any error of reading them.
     pub fn joined_bytes(&self, most: u64, threads: usize, observer: &mut dyn Observer) -> Result<Vec<u8>> {
         let mut need = 0u64;
-        for file in self.bricks.iter().filter_map(|brick| brick.file.as_ref()) {
+        let once = self.once();
+        for file in once.iter().filter_map(|brick| brick.file.as_ref()) {
             need = need.saturating_add(file.arena()?.bytes().len() as u64);
         }
         Limits::default().check(&self.path, "bytes of memory, to join its bricks", need, most)?;
         let rows = self.rows()?;
         let lanes = lanes_of(&rows, &self.manifest.facts(), self.manifest.lanes, threads, observer)?;
-        let visible_voxels =
-            self.bricks.iter().filter(|brick| brick.file.is_some()).map(|brick| brick.entry.visible_voxels).sum();
+        let usable = once.iter().filter(|brick| brick.file.is_some());
+        let visible_voxels = usable.map(|brick| brick.entry.visible_voxels).sum();
         if visible_voxels == 0 {
             return Err(Error::input(self.path.display().to_string(), "none of its bricks can be used"));
         }

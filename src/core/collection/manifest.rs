@@ -38,10 +38,11 @@ pub struct Manifest {
     pub tile_order: TileOrder,
     /// Number of lanes in bricks and in the joined file.
     pub lanes: u8,
-    /// Number of visible voxels in all bricks together.
+    /// Number of visible voxels of the whole.
     pub visible_voxels: u64,
-    /// The bricks by ascending z, then y, then x of their boxes, which fill the grid.
-    pub bricks: Vec<BrickEntry>,
+    /// One to three partitions, each with all voxels: its bricks by ascending z, then y, then x of their boxes, which fill
+    /// the grid.
+    pub partitions: Vec<Vec<BrickEntry>>,
     /// The description of the joined file, byte for byte.
     pub(super) description: Box<RawValue>,
 }
@@ -78,7 +79,12 @@ impl Manifest {
     ///
     /// # Errors
     /// [`Error::Input`] if the description is no JSON, or the bricks do not fill the grid.
-    pub(super) fn new(facts: &Facts, lanes: u8, description: &str, bricks: Vec<BrickEntry>) -> Result<Manifest> {
+    pub(super) fn new(
+        facts: &Facts,
+        lanes: u8,
+        description: &str,
+        partitions: Vec<Vec<BrickEntry>>,
+    ) -> Result<Manifest> {
         let described = RawValue::from_string(description.to_owned())
             .map_err(|error| Error::input("description", format!("is no JSON ({error}); a manifest cannot hold it")))?;
         let manifest = Manifest {
@@ -88,8 +94,9 @@ impl Manifest {
             scales: facts.scales,
             tile_order: facts.tile_order,
             lanes,
-            visible_voxels: bricks.iter().map(|brick| brick.visible_voxels).sum(),
-            bricks,
+            visible_voxels: partitions.iter().flatten().map(|brick| brick.visible_voxels).sum::<u64>()
+                / partitions.len().max(1) as u64,
+            partitions,
             description: described,
         };
         manifest.check("bricks", &Limits::default())?;
@@ -140,8 +147,10 @@ impl Manifest {
         if !(1..=3).contains(&self.lanes) {
             return wrong(format!("has {} lanes, but there are 1 to 3", self.lanes));
         }
-        let mut voxels = 0u64;
-        for (index, brick) in self.bricks.iter().enumerate() {
+        if !(1..=3).contains(&self.partitions.len()) {
+            return wrong(format!("has {} partitions, but there are 1 to 3", self.partitions.len()));
+        }
+        for (index, brick) in self.partitions.iter().flatten().enumerate() {
             let is_name = |file: &str| {
                 let mut parts = Path::new(file).components();
                 matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None))
@@ -155,23 +164,28 @@ impl Manifest {
             {
                 return wrong(format!("brick {index}: a brick has a file and a fingerprint if it has visible voxels"));
             }
-            voxels = voxels.saturating_add(brick.visible_voxels);
         }
-        if voxels != self.visible_voxels || voxels == 0 {
-            return wrong(format!("counts {} visible voxels, but the bricks' sum is {voxels}", self.visible_voxels));
-        }
-        if self.partition().is_none() {
-            return wrong(
-                "has bricks that do not fill the grid, each place once, as cells by ascending z, y, x".into(),
-            );
+        for bricks in &self.partitions {
+            let voxels = bricks.iter().fold(0u64, |sum, brick| sum.saturating_add(brick.visible_voxels));
+            if voxels != self.visible_voxels || voxels == 0 {
+                return wrong(format!(
+                    "counts {} visible voxels, but the bricks' sum is {voxels}",
+                    self.visible_voxels
+                ));
+            }
+            if partition_of(self.grid.dims, bricks).is_none() {
+                return wrong(
+                    "has bricks that do not fill the grid, each place once, as cells by ascending z, y, x".into(),
+                );
+            }
         }
         Ok(())
     }
 
-    /// Returns the partition of the grid into bricks; `None` if they do not fill it as cells of a lattice.
-    pub(super) fn partition(&self) -> Option<Partition> {
-        let boxes: Vec<Region> = self.bricks.iter().map(BrickEntry::region).collect();
-        Partition::of_boxes(self.grid.dims, &boxes)
+    /// Returns how each partition cuts the grid.
+    pub fn cuts(&self) -> Vec<Partition> {
+        let cut = |bricks: &Vec<BrickEntry>| partition_of(self.grid.dims, bricks).expect("the manifest was checked");
+        self.partitions.iter().map(cut).collect()
     }
 
     /// Returns the contents of the joined file's header.
@@ -189,6 +203,12 @@ impl Manifest {
     pub fn description(&self) -> &str {
         self.description.get()
     }
+}
+
+/// Returns the partition of a grid into `bricks`; `None` if they do not fill it as cells of a lattice.
+fn partition_of(dims: [u32; 3], bricks: &[BrickEntry]) -> Option<Partition> {
+    let boxes: Vec<Region> = bricks.iter().map(BrickEntry::region).collect();
+    Partition::of_boxes(dims, &boxes)
 }
 
 /// Returns the description of a brick: that of the whole, and where in the whole the brick lies.

@@ -64,6 +64,21 @@ impl Partition {
         (partition.len() == boxes.len() && partition.boxes().eq(boxes.iter().cloned())).then_some(partition)
     }
 
+    /// Returns the partitions into slabs of at most `thickness` slices across z, across y and across x, in this order.
+    /// With all three, pictures brick by brick are exact from every side.
+    ///
+    /// # Errors
+    /// The errors of [`Partition::into_boxes`].
+    pub fn into_slabs_of_all_axes(dims: [u32; 3], thickness: u32) -> Result<[Partition; 3]> {
+        let across = |axis| Partition::into_slabs(dims, axis, thickness);
+        Ok([across(Axis::Z)?, across(Axis::Y)?, across(Axis::X)?])
+    }
+
+    /// Returns whether no axis but `axis` is cut.
+    pub(super) fn cuts_only(&self, axis: Axis) -> bool {
+        axis.others().into_iter().all(|other| self.cuts[other.index()].len() == 2)
+    }
+
     /// Returns the number of boxes.
     #[expect(clippy::len_without_is_empty, reason = "a grid has at least one point, so there is a box")]
     pub fn len(&self) -> usize {

@@ -9,6 +9,7 @@ use crate::arena::{Arena, Lane};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::splat::camera::ToCamera;
+use crate::splat::setup::walk_order;
 use crate::splat::{Camera, Frame, Lanes, Mode, Outline, Scene, Settings, Stats, View, cpu};
 use crate::traverse::VoxelBox;
 use crate::volume::Axis;
@@ -28,7 +29,7 @@ impl Collection {
     /// [`Error::Format`] if a file was changed in place since it was opened.
     pub fn outline(&self, crop: Option<VoxelBox>) -> Result<Outline<'_>> {
         let mut lanes = Vec::new();
-        for brick in self.bricks() {
+        for brick in self.once() {
             let Some(file) = &brick.file else { continue };
             let lane = file.arena()?.lane(Axis::X).expect("every arena that opens has the lane along x");
             lanes.push((corner(brick.entry.low), lane));
@@ -36,14 +37,20 @@ impl Collection {
         Ok(Outline::of_lanes(self.grid(), lanes, crop))
     }
 
-    /// Returns the indices of the bricks, the nearest first: none hides an earlier one.
+    /// Returns the indices of the bricks of one partition, the nearest first: none hides an earlier one.
+    ///
+    /// The partition is one that cuts only the axis along which the view looks most, if there is one: its picture is exact.
     ///
     /// # Errors
     /// [`Error::Input`] if the camera cannot be used.
     pub fn front_to_back(&self, camera: &Camera, settings: &Settings) -> Result<Vec<usize>> {
         let view = View::new(camera, self.grid(), settings.size, settings.kernel(), settings.near)?;
-        let partition = self.manifest().partition().expect("the manifest was checked");
-        partition.front_to_back(view.viewpoint)
+        let slow = walk_order(&view, self.grid(), settings)?.slow;
+        let cuts = self.manifest().cuts();
+        let number = cuts.iter().position(|partition| partition.cuts_only(slow)).unwrap_or(0);
+        let first = self.bricks_of(number).start;
+        let order = cuts[number].front_to_back(view.viewpoint)?;
+        Ok(order.into_iter().map(|index| first + index).collect())
     }
 
     /// Draws brick `index` alone, with the transfer function of the whole; `None` if nothing of it is to be drawn.

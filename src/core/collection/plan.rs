@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::joined::RowsWithin;
 use super::manifest::{Manifest, brick_description};
-use super::split::{found_brick, write_brick};
+use super::split::BrickPlace;
 use super::{Collection, Partition};
 use crate::arena::Region;
 use crate::arena::layout::Facts;
@@ -44,8 +44,8 @@ pub struct Plan {
     name: String,
     format: String,
     options: BuildOptions,
-    /// Most grid points of a brick along x, y, z; 0 where an axis is not cut.
-    brick: [u32; 3],
+    /// For each partition, one to three: most grid points of a brick along x, y, z; 0 where an axis is not cut.
+    bricks: Vec<[u32; 3]>,
     found: Findings,
 }
 
@@ -126,17 +126,26 @@ enum Stage {
 }
 
 impl Plan {
-    /// Plans bricks of at most `brick` points along x, y, z (0 does not cut an axis) of the volume that `header` describes.
+    /// Plans bricks of at most so many points along x, y, z (0 does not cut an axis) of the volume that `header` describes:
+    /// `bricks` has a size for each partition, one to three.
     ///
     /// # Errors
     /// [`Error::Input`] if an option or the grid is out of range; [`Error::Limit`] if there are more than a million bricks.
-    pub fn new(header: &Header, options: BuildOptions, brick: [u32; 3]) -> Result<Plan> {
-        options.check()?;
-        header.grid.check()?;
-        Partition::into_boxes(header.grid.dims, brick)?;
+    pub fn new(header: &Header, options: BuildOptions, bricks: &[[u32; 3]]) -> Result<Plan> {
         let Header { grid, sample_type, slope, intercept, name, format } = header.clone();
-        let found = Findings::default();
-        Ok(Plan { grid, sample_type, slope, intercept, name, format: format.into(), options, brick, found })
+        let (format, bricks, found) = (format.into(), bricks.to_vec(), Findings::default());
+        let plan = Plan { grid, sample_type, slope, intercept, name, format, options, bricks, found };
+        plan.check()?;
+        Ok(plan)
+    }
+
+    fn check(&self) -> Result<()> {
+        self.options.check()?;
+        self.grid.check()?;
+        if !(1..=3).contains(&self.bricks.len()) {
+            return Err(Error::input("plan", format!("has {} partitions, but there are 1 to 3", self.bricks.len())));
+        }
+        self.partitions().map(|_| ())
     }
 
     /// Reads a plan from the JSON text that [`Plan::to_json`] returned.
@@ -145,9 +154,7 @@ impl Plan {
     /// [`Error::Input`] if it is none.
     pub fn from_json(text: &str) -> Result<Plan> {
         let plan: Plan = serde_json::from_str(text).map_err(|error| Error::input("plan", error.to_string()))?;
-        plan.options.check()?;
-        plan.grid.check()?;
-        plan.partition()?;
+        plan.check()?;
         Ok(plan)
     }
 
@@ -156,12 +163,13 @@ impl Plan {
         serde_json::to_string(self).expect("numbers and strings are plain JSON")
     }
 
-    /// Returns the bricks' boxes.
+    /// Returns the bricks' boxes, partition by partition. Bricks are counted on from one partition to the next; those of the
+    /// first are scanned, all are built.
     ///
     /// # Errors
-    /// [`Error::Limit`] if there are more than a million.
-    pub fn partition(&self) -> Result<Partition> {
-        Partition::into_boxes(self.grid.dims, self.brick)
+    /// [`Error::Limit`] if a partition has more than a million.
+    pub fn partitions(&self) -> Result<Vec<Partition>> {
+        self.bricks.iter().map(|&size| Partition::into_boxes(self.grid.dims, size)).collect()
     }
 
     /// Returns the box of samples that brick `index` is built from: its own, and those around it that gradients need.
@@ -178,9 +186,19 @@ impl Plan {
     }
 
     fn region(&self, index: usize) -> Result<Region> {
-        let partition = self.partition()?;
-        let missing = || Error::input("brick", format!("{index} does not exist; there are {}", partition.len()));
-        partition.boxes().nth(index).ok_or_else(missing)
+        self.place(index).map(|place| place.region)
+    }
+
+    fn place(&self, index: usize) -> Result<BrickPlace> {
+        let mut left = index;
+        for (number, partition) in self.partitions()?.iter().enumerate() {
+            if let Some(region) = partition.boxes().nth(left) {
+                return Ok(BrickPlace { partition: number, region });
+            }
+            left -= partition.len();
+        }
+        let count = index - left;
+        Err(Error::input("brick", format!("{index} does not exist; there are {count}")))
     }
 
     /// Returns whether scans have found all that codes depend on, so that bricks can be built.
@@ -279,12 +297,12 @@ impl Plan {
         Ok(found)
     }
 
-    /// Adds what scans of all bricks have found.
+    /// Adds what scans of all bricks of the first partition have found.
     ///
     /// # Errors
     /// [`Error::Input`] if there are not as many findings as bricks.
     pub fn agree(mut self, findings: &[Findings]) -> Result<Plan> {
-        let bricks = self.partition()?.len();
+        let bricks = self.partitions()?[0].len();
         if findings.len() != bricks {
             let why = format!("are of {} bricks, but there are {bricks}; scan each of them once", findings.len());
             return Err(Error::input("findings", why));
@@ -309,19 +327,20 @@ impl Plan {
     ) -> Result<u64> {
         let (encoder, loss) = self.agreed()?;
         let (header, kept) = self.checked(index, source)?;
-        let region = self.region(index)?;
+        let place = self.place(index)?;
+        let region = &place.region;
         let budget = Budget::new(&header, &self.options, resources, source.buffer_bytes())?;
         let largest = self.found.largest_magnitude;
         let (spill, _) = keep_visible(source, &header, &kept, &self.options, largest, &budget, resources, observer)?;
         let voxels = spill.voxels;
         let facts = Facts { grid: region.grid(&self.grid), visible_voxels: voxels, ..self.facts(&encoder) };
-        let description = brick_description(&self.description(&encoder, &loss)?, &region, self.grid.dims);
+        let description = brick_description(&self.description(&encoder, &loss)?, region, self.grid.dims);
         let rows = ClassifiedRows { spill, encoder };
         let rows = RowsWithin { rows: &rows, within: kept };
         let Resources { memory, threads, .. } = *resources;
         let lane_count = self.options.lane_count;
         let output = RowsOutput { facts, description: &description, lane_count, memory, threads };
-        write_brick(folder, &region, &rows, voxels, &output, observer)?;
+        place.write(folder, &rows, voxels, &output, observer)?;
         Ok(voxels)
     }
 
@@ -333,31 +352,27 @@ impl Plan {
     pub fn finish(&self, folder: &Path) -> Result<Collection> {
         let (encoder, loss) = self.agreed()?;
         let facts = self.facts(&encoder);
-        let entries =
-            self.partition()?.boxes().map(|region| found_brick(folder, &region)).collect::<Result<Vec<_>>>()?;
-        let voxels: u64 = entries.iter().map(|entry| entry.visible_voxels).sum();
-        if voxels < facts.visible_voxels {
-            let absent: Vec<String> = (0..)
-                .zip(&entries)
-                .filter(|(_, entry)| entry.file.is_none())
-                .map(|(k, _): (usize, _)| k.to_string())
-                .collect();
-            let why = format!(
-                "{voxels} of {} visible voxels are there; build those bricks that have any of: {}",
-                facts.visible_voxels,
-                absent.join(", ")
-            );
-            return Err(Error::input(folder.display().to_string(), why));
+        let mut all = Vec::new();
+        let mut first = 0;
+        for (number, partition) in self.partitions()?.iter().enumerate() {
+            let found = |region| BrickPlace { partition: number, region }.found(folder);
+            let entries = partition.boxes().map(found).collect::<Result<Vec<_>>>()?;
+            let voxels: u64 = entries.iter().map(|entry| entry.visible_voxels).sum();
+            if voxels != facts.visible_voxels {
+                let absent = entries.iter().enumerate().filter(|(_, entry)| entry.file.is_none());
+                let absent: Vec<String> = absent.map(|(index, _)| (first + index).to_string()).collect();
+                let why = match voxels < facts.visible_voxels {
+                    true => format!("build those bricks that have any of: {}", absent.join(", ")),
+                    false => "build its bricks again with this plan".into(),
+                };
+                let why = format!("{voxels} of {} visible voxels are there; {why}", facts.visible_voxels);
+                return Err(Error::input(folder.display().to_string(), why));
+            }
+            first += partition.len();
+            all.push(entries);
         }
         let description = self.description(&encoder, &loss)?;
-        let manifest = Manifest::new(&facts, self.options.lane_count, &description, entries)?;
-        if voxels > facts.visible_voxels {
-            let why = format!(
-                "has {voxels} visible voxels, but {} were scanned; build its bricks again",
-                facts.visible_voxels
-            );
-            return Err(Error::input(folder.display().to_string(), why));
-        }
+        let manifest = Manifest::new(&facts, self.options.lane_count, &description, all)?;
         manifest.write(folder)?;
         let collection = Collection::open(folder)?;
         collection.require_all()?;
