@@ -117,6 +117,9 @@ impl Plan {
     }
 }
 
+/// A brick: its lowest point and size (x, y, z), its number of visible voxels, and its file.
+type Listed = ([u32; 3], [u32; 3], u64, Option<String>);
+
 /// An open collection.
 #[pyclass(frozen, module = "adjsplat._native")]
 pub(crate) struct Collection(collection::Collection);
@@ -148,9 +151,9 @@ impl Collection {
         self.0.manifest().visible_voxels
     }
 
-    /// For each brick its lowest point and its size (x, y, z), its number of visible voxels, and its file.
+    /// The bricks, partition after partition.
     #[getter]
-    fn bricks(&self) -> Vec<([u32; 3], [u32; 3], u64, Option<String>)> {
+    fn bricks(&self) -> Vec<Listed> {
         let entries = self.0.bricks().iter().map(|brick| &brick.entry);
         entries.map(|entry| (entry.low, entry.size, entry.visible_voxels, entry.file.clone())).collect()
     }

@@ -45,6 +45,19 @@ def test_every_public_name_says_what_it_is():
                     assert value.__doc__, f"{name}.{member}"
 
 
+def test_the_page_on_clusters_runs(tmp_path, monkeypatch):
+    """The block of docs/clusters.md for one machine, in an empty folder."""
+    for package in ("zarr", "dask"):
+        pytest.importorskip(package)
+    monkeypatch.chdir(tmp_path)
+    page = (REPOSITORY / "docs" / "clusters.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    known = {}
+    exec(compile(block, "docs/clusters.md", "exec"), known)
+    assert (known["picture"][..., :3] < 0.99).any() and known["whole"].count == known["bricks"].count
+    assert {path.name for path in tmp_path.iterdir()} == {"shell.zarr", "shell.adjs", "shell.png", "shell.adj"}
+
+
 def test_the_page_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
     """Each block of docs/python.md, in one namespace, in an empty folder."""
     for package in ("nibabel", "zarr", "dask", "xarray", "SimpleITK", "pyvista", "matplotlib", "anywidget"):

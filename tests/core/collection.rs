@@ -266,7 +266,7 @@ fn of_two_boxes_on_a_ray_the_nearer_comes_first() {
     let dims = [40, 30, 50];
     let mut compared = 0;
     for _ in 0..200 {
-        let size = std::array::from_fn(|a| 1 + random.below(u64::from(dims[a])) as u32);
+        let size = random.place(dims).map(|side| side + 1);
         let partition = Partition::into_boxes(dims, size).unwrap();
         if partition.len() > 400 {
             continue;

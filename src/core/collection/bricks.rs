@@ -89,9 +89,9 @@ impl Collection {
 
     /// Returns the indices of the bricks of partition `number`.
     pub(super) fn bricks_of(&self, number: usize) -> Range<usize> {
-        let lengths = self.manifest.partitions.iter().map(Vec::len);
-        let start = lengths.clone().take(number).sum();
-        start..start + lengths.skip(number).next().unwrap_or(0)
+        let partitions = &self.manifest.partitions;
+        let start = partitions[..number].iter().map(Vec::len).sum();
+        start..start + partitions[number].len()
     }
 
     /// Returns the bricks that hold the whole once: those of the partition that lacks the fewest voxels.

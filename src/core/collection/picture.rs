@@ -1,7 +1,7 @@
 //! Pictures of a collection, brick by brick: each brick is drawn alone, and its picture put behind those of nearer bricks.
 //!
 //! Optical depths of a pixel add up to the same sum, so alpha is exact. Colours are exact where a view looks along the
-//! cuts' axis; elsewhere splats that reach across a cut are composited a brick at a time (docs/studies/collections.md has
+//! cuts' axis; elsewhere splats that reach across a cut are composited a brick at a time (docs/clusters.md has
 //! the measured differences).
 
 use super::{Brick, Collection};

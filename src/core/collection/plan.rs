@@ -99,8 +99,7 @@ impl SampleFindings {
 
 impl Findings {
     fn join(&mut self, other: &Findings) {
-        let larger = |one: Option<f64>, other: Option<f64>| one.into_iter().chain(other).reduce(f64::max);
-        self.largest_magnitude = larger(self.largest_magnitude, other.largest_magnitude);
+        join_option(&mut self.largest_magnitude, other.largest_magnitude, |one, other| *one = one.max(*other));
         join_option(&mut self.samples, other.samples, SampleFindings::join);
         for (loss, other) in self.losses.iter_mut().zip(other.losses) {
             join_option(loss, other, CodeLoss::join);
