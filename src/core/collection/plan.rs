@@ -347,7 +347,7 @@ impl Plan {
     ///
     /// # Errors
     /// [`Error::Input`] if bricks are missing, or one is of another plan; [`Error::Io`] if the manifest cannot be written;
-    /// the errors of [`AdjFile::open`].
+    /// the errors of [`AdjFile::open`](crate::file::AdjFile::open).
     pub fn finish(&self, folder: &Path) -> Result<Collection> {
         let (encoder, loss) = self.agreed()?;
         let facts = self.facts(&encoder);

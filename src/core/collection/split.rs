@@ -18,8 +18,9 @@ use crate::volume::Axis;
 /// folder appears complete or not at all.
 ///
 /// # Errors
-/// [`Error::Input`] if something exists at `path`, if the arena's description is no JSON, or if the partition is of another
-/// grid; [`Error::Io`] if nothing can be written there; [`Error::Interrupted`] if the observer cancels.
+/// [`Error::Input`](crate::Error::Input) if something exists at `path`, if the arena's description is no JSON, or if the partition is of another
+/// grid; [`Error::Io`](crate::Error::Io) if nothing can be written there;
+/// [`Error::Interrupted`](crate::Error::Interrupted) if the observer cancels.
 pub fn split(
     arena: &Arena,
     partitions: &[Partition],
