@@ -41,6 +41,13 @@ def refused(*words):
     return ran.stderr
 
 
+# Seconds that a viewer waits for a silent server where a test waits for that; else it is a minute.
+IMPATIENT = 2
+HURRY = f"""
+const later = globalThis.setTimeout;
+globalThis.setTimeout = (call, time, ...rest) => later(call, time === 60000 ? {1000 * IMPATIENT} : time, ...rest);
+"""
+
 # Without a screen Chromium shows no canvas that WebGPU draws, and takes its device away. So the page draws its window into a
 # texture of its own, which can be read.
 SCREEN = """
@@ -96,10 +103,24 @@ class Serving:
 
 
 class Plain(http.server.SimpleHTTPRequestHandler):
-    """A server of files that knows no ranges."""
+    """A server of files that knows no ranges. It sends the file "trickling.adj" in pieces, for longer than a viewer waits for
+    one."""
 
     def log_message(self, *_):
         pass
+
+    def do_GET(self):
+        path = self.translate_path(self.path)
+        if not path.endswith("trickling.adj"):
+            return super().do_GET()
+        with open(path, "rb") as file:
+            whole = file.read()
+        self.send_response(200)
+        self.send_header("Content-Length", str(len(whole)))
+        self.end_headers()
+        for piece in range(6):
+            self.wfile.write(whole[piece * len(whole) // 6 : (piece + 1) * len(whole) // 6])
+            time.sleep(IMPATIENT / 4)
 
 
 class Slow(Plain):
@@ -128,6 +149,9 @@ class Slow(Plain):
         # A file that changes from request to request.
         self.send_header("ETag", f'"{start if "changing" in path else 0}"')
         self.end_headers()
+        if "stalling" in path and start > 0:
+            self.wfile.write(part[: len(part) // 2])
+            time.sleep(PATIENCE)
         self.wfile.write(part)
 
 
@@ -154,9 +178,9 @@ def decoded(text):
 class Viewer:
     """The page at an address."""
 
-    def __init__(self, browser, address):
-        self.page = browser.new_page(viewport=SIZE, has_touch=True)
-        self.page.add_init_script(SCREEN)
+    def __init__(self, browser, address, script="", size=SIZE):
+        self.page = browser.new_page(viewport=size, has_touch=True)
+        self.page.add_init_script(SCREEN + script)
         self.answers, self.faults = [], []
         self.page.on("response", lambda answer: self.answers.append((answer.url, answer.status, answer.headers)))
         self.page.on("pageerror", lambda fault: self.faults.append(str(fault)))
@@ -248,6 +272,8 @@ def check_server(files, folder):
         assert int.from_bytes(body, "little") == len(whole)
         assert served.get(path)[2] == whole
         assert served.get(path, Range=f"bytes={len(whole)}-")[0] == 416
+        assert served.get(path, Range="bytes=-8")[2] == whole[-8:]
+        assert served.get(path, Range=f"bytes=-{len(whole) + 8}")[2] == whole
         for absent in ["/files/other.adj", "/files/..%2fball.adj", "/files/%2e%2e/%2e%2e/etc/passwd", "/../Cargo.toml"]:
             assert served.get(absent)[0] == 404, absent
         status, _, body = served.get("/", Host="attacker.example")
@@ -257,6 +283,14 @@ def check_server(files, folder):
         listening = f"0100007F:{served.port:04X}"
         assert any(listening in line for line in open("/proc/net/tcp")), "it listens on another address"
         assert str(served.port) in refused(files[0], "--page", PAGE, "--port", str(served.port))
+    finally:
+        served.end()
+    other = shutil.copy(files[0], os.path.join(folder, "other.adj"))
+    served = Serving(other)
+    os.remove(other)
+    os.mkfifo(other)
+    try:
+        assert served.get("/files/other.adj")[0] == 404, "a pipe in place of the file"
     finally:
         served.end()
     served = Serving(*reversed(files))
@@ -373,7 +407,9 @@ def check_plain_server(browser, files, folder):
     for name, content in {
         "whole.adj": whole,
         "cut.adj": whole[: len(whole) // 2],
+        "trickling.adj": whole,
         "not.adj": b"<!doctype html><title>Not a volume</title>",
+        "head.nrrd": b"NRRD0004\ntype: uint8\n",
     }.items():
         open(os.path.join(data, name), "wb").write(content)
     server, base = serving(Plain, root)
@@ -384,9 +420,14 @@ def check_plain_server(browser, files, folder):
         assert viewer.state()["fetched"] == [len(whole)] * 2
         assert decibels(shown, of_program(files[0], viewer, folder)) > NEAR
         viewer.close()
+        viewer = Viewer(browser, base + "?file=../../data/trickling.adj", HURRY)
+        wait("a file that takes longer than the viewer waits for a piece", lambda: viewer.state().get("fetched"))
+        assert viewer.state()["fetched"] == [len(whole)] * 2
+        viewer.close()
         for name, words in {
             "cut.adj": "cut.adj",
             "not.adj": "not.adj",
+            "head.nrrd": "head.nrrd: is no .adj file, and a page builds none; make one by adj build head.nrrd",
             "absent.adj": "404",
             "http://other.example/a.adj": "cannot be fetched",
         }.items():
@@ -422,12 +463,13 @@ def check_slow_server(browser, folder):
             content = whole.read()
         for name, bytes_, words in [
             ("changing.adj", content, "cut or changed while it was fetched"),
+            ("stalling.adj", content, "stalling.adj: cannot be fetched: the server sent nothing for 60 s"),
             ("short.adj", content[:-256], "was cut or grew"),
             ("tiny.adj", content[:100], "a header of 256 bytes"),
         ]:
             with open(os.path.join(root, name), "wb") as out:
                 out.write(bytes_)
-            viewer = Viewer(browser, base + "?file=" + name)
+            viewer = Viewer(browser, base + "?file=" + name, HURRY)
             said = viewer.told()
             print(f"{name}: {said}")
             assert words in said, said
@@ -478,6 +520,19 @@ def check_dropped(browser, files, folder):
         fetched, whole = viewer.state()["fetched"]
         print(f"dropped: {fetched} of {whole} bytes read; {near:.1f} dB")
         assert near > NEAR and fetched < 0.5 * whole
+        viewer.page.evaluate(drop, ["index.html", "engine.nii.gz", 500])
+        said = viewer.told()
+        assert said.startswith("engine.nii.gz: is no .adj file") and "adj build engine.nii.gz" in said, said
+        viewer.page.keyboard.press("Alt+w")
+        wait("no file", lambda: viewer.state()["file"] is None)
+        # Larger than a device's largest picture.
+        viewer.page.set_viewport_size({"width": 9000, "height": 300})
+        width = "document.querySelector('canvas').width"
+        wait("a canvas that the device can draw", lambda: viewer.page.evaluate(width) == 8192)
+        viewer.page.evaluate(drop, [address, "wide.adj", os.path.getsize(files[0])])
+        columns = wait("a wide picture", lambda: (viewer.state().get("size") or [0])[0])
+        print(f"a window of 9000 pixels: a canvas of 8192, a view of {columns}")
+        viewer.page.set_viewport_size(SIZE)
         viewer.page.evaluate("lose_device()")
         said = wait("a message", viewer.message)
         print(f"a lost device: {said}")

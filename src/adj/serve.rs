@@ -50,7 +50,7 @@ mod server {
 
     use axum::Router;
     use axum::extract::{Path as Segment, Request, State};
-    use axum::http::header::{CACHE_CONTROL, HOST, HeaderName, HeaderValue, X_CONTENT_TYPE_OPTIONS};
+    use axum::http::header::{CACHE_CONTROL, HOST, HeaderName, HeaderValue, RANGE, X_CONTENT_TYPE_OPTIONS};
     use axum::http::{StatusCode, Uri};
     use axum::middleware::{Next, from_fn};
     use axum::response::{IntoResponse as _, Response};
@@ -130,6 +130,15 @@ mod server {
 
     async fn file(State(files): State<Files>, Segment(name): Segment<String>, mut request: Request) -> Response {
         let Some(path) = files.get(&name) else { return StatusCode::NOT_FOUND.into_response() };
+        // A pipe in place of the file would never answer.
+        let Some(facts) = tokio::fs::metadata(path).await.ok().filter(|facts| facts.is_file()) else {
+            return StatusCode::NOT_FOUND.into_response();
+        };
+        // The last bytes of a shorter file are all of it.
+        let last = request.headers().get(RANGE).and_then(|range| range.to_str().ok()?.strip_prefix("bytes=-"));
+        if last.and_then(|last| last.parse::<u64>().ok()).is_some_and(|last| last >= facts.len()) {
+            request.headers_mut().remove(RANGE);
+        }
         *request.uri_mut() = Uri::from_static("/");
         match ServeFile::new(path).oneshot(request).await {
             Ok(response) => response.into_response(),

@@ -24,7 +24,10 @@ pub fn run(files: Vec<PathBuf>) -> Result<()> {
     let size = egui::vec2(1280.0, 800.0);
     let viewport =
         egui::ViewportBuilder::default().with_title("adjsplat").with_inner_size(size).with_app_id("adjsplat");
-    let options = eframe::NativeOptions { viewport, ..Default::default() };
+    // The interface has nothing to dither, and each picture of it shall be of the newest input: where the processor paints
+    // the window, both take most of the time from input to picture.
+    let mut options = eframe::NativeOptions { viewport, dithering: false, ..Default::default() };
+    options.wgpu_options.surface = eframe::egui_wgpu::SurfaceConfig::LOW_LATENCY;
     let create: eframe::AppCreator<'_> = Box::new(move |creation| {
         let viewer = Viewer::new(&creation.egui_ctx, &files, RecentFiles::of_user(), renderer());
         Ok(Box::new(Window(viewer)))

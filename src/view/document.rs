@@ -27,6 +27,8 @@ pub struct Document {
     fetched: Option<[u64; 2]>,
     /// The box of the file's visible voxels.
     pub(crate) extent: Option<VoxelBox>,
+    /// The unit of lengths, if the file states it.
+    pub unit: Option<String>,
     /// The model with the transfer function that is drawn.
     pub model: Model,
     /// How often each value is stored.
@@ -64,7 +66,7 @@ impl Document {
     /// # Errors
     /// The errors of [`Look::first`].
     pub fn new(context: &Context, opened: Opened, background: [u8; 3], renderer: Renderer) -> Result<Document> {
-        let Opened { place, is_adj, model, stored, fetched, extent, remote } = opened;
+        let Opened { place, is_adj, model, stored, fetched, extent, unit, remote } = opened;
         let look = Look::first(&model, extent, background, [800, 800])?;
         let edited = Edited::of(model.transfer(), &stored);
         Ok(Document {
@@ -73,6 +75,7 @@ impl Document {
             is_adj,
             fetched,
             extent,
+            unit,
             model,
             stored,
             look,

@@ -9,6 +9,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use adjsplat::Model;
+use adjsplat::arena::layout::MAGIC;
 use adjsplat::arena::{CodeCounts, Directory};
 use adjsplat::error::{Error, Result};
 use adjsplat::limits::Limits;
@@ -16,17 +17,17 @@ use adjsplat::splat::Lanes as _;
 use adjsplat::splat::gpu::GpuOptions;
 use adjsplat::volume::Axis;
 use egui::Context;
-use js_sys::{Promise, Uint8Array};
+use js_sys::{Function, Reflect, Uint8Array};
 use send_wrapper::SendWrapper;
 use wasm_bindgen::{JsCast as _, JsValue};
 use wasm_bindgen_futures::JsFuture;
-use web_sys::{AbortSignal, Request, RequestInit, Response};
+use web_sys::{AbortController, ReadableStreamDefaultReader, Request, RequestInit, Response};
 
 use crate::open::{Opened, Phase, Place, Progress, model_of};
 use crate::remote::{PARTS, Reading, Remote, Source};
 
-/// How long a server may take for a part, in milliseconds.
-const PATIENCE: u32 = 60_000;
+/// How long a server may send nothing, in milliseconds.
+const PATIENCE: i32 = 60_000;
 
 /// Opens the file at an address.
 pub(crate) async fn open_address(
@@ -38,8 +39,14 @@ pub(crate) async fn open_address(
     let name = place.name();
     let name = if name.is_empty() { "the address".into() } else { name };
     progress.set(Phase::Fetching, 0, 1)?;
-    let Answer { bytes: head, part, version } = received(&name, ask(address, 0..Directory::HEAD)?).await?;
+    let asked = Asked::begin(&name, address, 0..Directory::HEAD)?;
+    let arrived = |done, total| {
+        context.request_repaint();
+        progress.set(Phase::Fetching, done, total)
+    };
+    let Answer { bytes: head, part, version } = asked.answer(&name, arrived).await?;
     let Some(Content { whole, .. }) = part else {
+        check_is_adj(&name, &head)?;
         let whole = head.len() as u64;
         return Opened::new(place, model_of(&name, head)?, true, Some([whole; 2]));
     };
@@ -79,6 +86,7 @@ async fn open(
     context: &Context,
 ) -> Result<Opened> {
     let (File { name, head, whole }, limits) = (file, Limits::default());
+    check_is_adj(name, &head)?;
     let mut fetched = head.len() as u64;
     let mut directory = Directory::new(&head, whole, &limits, name)?;
     fetched += complete(&mut directory, &head, &source, progress, context).await?;
@@ -98,6 +106,16 @@ async fn open(
     fetched += complete(&mut lane, &head, &source, progress, context).await?;
     lane.check(name)?;
     Opened::new(place, model_of(name, lane.into_bytes())?, true, Some([fetched, whole]))
+}
+
+/// Refuses a volume, which only a program builds; `head` is the beginning of the file.
+fn check_is_adj(name: &str, head: &[u8]) -> Result<()> {
+    let is_named = std::path::Path::new(name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("adj"));
+    if is_named || head.starts_with(&MAGIC) {
+        return Ok(());
+    }
+    let why = format!("is no .adj file, and a page builds none; make one by adj build {name}, or open it by adj view");
+    Err(Error::input(name, why))
 }
 
 /// Fetches what a directory lacks beside `head`, the first bytes of the file; returns the number of bytes.
@@ -143,13 +161,15 @@ impl Source for Server {
             // All are asked for before the first is waited for.
             let ask = |range: &Range<u64>| match range.is_empty() {
                 true => Ok((range.clone(), None)),
-                false => ask(&self.address, range.clone()).map(|answer| (range.clone(), Some(answer))),
+                false => {
+                    Asked::begin(&self.name, &self.address, range.clone()).map(|asked| (range.clone(), Some(asked)))
+                }
             };
             let asked = ranges.iter().map(ask).collect::<Result<Vec<_>>>()?;
             let mut parts = Vec::with_capacity(asked.len());
-            for (range, answer) in asked {
-                parts.push(match answer {
-                    Some(answer) => self.part(range, received(&self.name, answer).await?)?,
+            for (range, asked) in asked {
+                parts.push(match asked {
+                    Some(asked) => self.part(range, asked.answer(&self.name, |_, _| Ok(())).await?)?,
                     None => Vec::new(),
                 });
             }
@@ -219,47 +239,94 @@ impl Content {
     }
 }
 
-/// Begins to ask for a range of the bytes at an address.
-fn ask(address: &str, range: Range<u64>) -> Result<Promise> {
-    let how = RequestInit::new();
-    how.set_signal(Some(&AbortSignal::timeout_with_u32(PATIENCE)));
-    let request = Request::new_with_str_and_init(address, &how).map_err(failed(address))?;
-    let wanted = format!("bytes={}-{}", range.start, range.end - 1);
-    request.headers().set("Range", &wanted).map_err(failed(address))?;
-    Ok(web_sys::window().expect("a page has a window").fetch_with_request(&request))
+/// A request for a range of a file. Dropping it stops the request.
+struct Asked {
+    response: JsFuture,
+    stop: AbortController,
+    wanted: Range<u64>,
 }
 
-/// Waits for an answer about the file of this name.
-async fn received(name: &str, answer: Promise) -> Result<Answer> {
-    let response: Response = JsFuture::from(answer).await.map_err(failed(name))?.unchecked_into();
-    if !response.ok() {
-        let answer = format!("cannot be fetched: the server says {} {}", response.status(), response.status_text());
-        return Err(Error::input(name, answer));
+impl Drop for Asked {
+    fn drop(&mut self) {
+        self.stop.abort();
     }
-    let header = |header: &str| response.headers().get(header).ok().flatten();
-    let part = match response.status() {
-        206 => {
-            let part = header("content-range").as_deref().and_then(Content::read);
-            Some(part.ok_or_else(|| Error::input(name, "came without saying which part of the file it is"))?)
+}
+
+impl Asked {
+    /// Asks for a range of the bytes at an address; `name` is the file's.
+    fn begin(name: &str, address: &str, wanted: Range<u64>) -> Result<Asked> {
+        let stop = AbortController::new().map_err(failed(name))?;
+        let how = RequestInit::new();
+        how.set_signal(Some(&stop.signal()));
+        let request = Request::new_with_str_and_init(address, &how).map_err(failed(name))?;
+        let range = format!("bytes={}-{}", wanted.start, wanted.end - 1);
+        request.headers().set("Range", &range).map_err(failed(name))?;
+        let response = window().fetch_with_request(&request).into();
+        Ok(Asked { response, stop, wanted })
+    }
+
+    /// Waits for the answer. After each piece it calls `arrived` with the bytes that are there and those that the server
+    /// announced, and stops where that fails.
+    async fn answer(mut self, name: &str, arrived: impl Fn(u64, u64) -> Result<()>) -> Result<Answer> {
+        let response: Response = patient(&self.stop, &mut self.response).await.map_err(failed(name))?.unchecked_into();
+        if !response.ok() {
+            let answer = format!("cannot be fetched: the server says {} {}", response.status(), response.status_text());
+            return Err(Error::input(name, answer));
         }
-        _ => None,
-    };
-    let version = header("etag").or_else(|| header("last-modified")).unwrap_or_default();
-    let bytes = JsFuture::from(response.array_buffer().map_err(failed(name))?).await.map_err(failed(name))?;
-    Ok(Answer { bytes: Uint8Array::new(&bytes).to_vec(), part, version })
+        let header = |header: &str| response.headers().get(header).ok().flatten();
+        let part = match response.status() {
+            206 => {
+                let part = header("content-range").as_deref().and_then(Content::read);
+                Some(part.ok_or_else(|| Error::input(name, "came without saying which part of the file it is"))?)
+            }
+            _ => None,
+        };
+        let version = header("etag").or_else(|| header("last-modified")).unwrap_or_default();
+        let announced = header("content-length").and_then(|bytes| bytes.parse().ok()).unwrap_or(0);
+        let mut bytes: Vec<u8> = Vec::new();
+        let pieces = response.body().map(|body| body.get_reader().unchecked_into::<ReadableStreamDefaultReader>());
+        while let Some(pieces) = &pieces {
+            let piece = patient(&self.stop, &mut pieces.read().into()).await.map_err(failed(name))?;
+            // There is none at the end.
+            let piece = Reflect::get(&piece, &"value".into()).map_err(failed(name))?;
+            let Some(piece) = piece.dyn_ref::<Uint8Array>() else { break };
+            let have = bytes.len() + piece.length() as usize;
+            if part.is_some() && have as u64 > self.wanted.end - self.wanted.start {
+                return Err(Error::input(name, "cannot be fetched: the server sends more than it was asked for"));
+            }
+            let refused = |_| Error::out_of_memory("a file from a server", have as u64);
+            bytes.try_reserve(piece.length() as usize).map_err(refused)?;
+            bytes.resize(have, 0);
+            let start = have - piece.length() as usize;
+            piece.copy_to(&mut bytes[start..]);
+            arrived(have as u64, announced.max(have as u64))?;
+        }
+        Ok(Answer { bytes, part, version })
+    }
+}
+
+/// Waits for a promise of a request; stops the request when [`PATIENCE`] is over.
+async fn patient(request: &AbortController, promise: &mut JsFuture) -> std::result::Result<JsValue, JsValue> {
+    let stop: Function = Reflect::get(request, &"abort".into())?.dyn_into()?;
+    let timer = window().set_timeout_with_callback_and_timeout_and_arguments_0(&stop.bind0(request), PATIENCE)?;
+    let got = promise.await;
+    window().clear_timeout_with_handle(timer);
+    got
+}
+
+fn window() -> web_sys::Window {
+    web_sys::window().expect("a page has a window")
 }
 
 fn failed(name: &str) -> impl Fn(JsValue) -> Error {
     move |fault| {
         let fault = fault.dyn_ref::<js_sys::Error>();
-        if fault.is_some_and(|fault| fault.name() == "TimeoutError") {
-            let why = format!(
-                "cannot be fetched: the server sent no part within {} s; load the page again",
-                PATIENCE / 1_000
-            );
-            return Error::input(name, why);
-        }
-        let text = fault.map(|fault| String::from(fault.message())).unwrap_or_default();
-        Error::input(name, format!("cannot be fetched: {text}; a page reads from its own server only"))
+        let why = if fault.is_some_and(|fault| fault.name() == "AbortError") {
+            format!("the server sent nothing for {} s; load the page again", PATIENCE / 1_000)
+        } else {
+            let text = fault.map(|fault| String::from(fault.message())).unwrap_or_default();
+            format!("{text}; a page reads from its own server only")
+        };
+        Error::input(name, format!("cannot be fetched: {why}"))
     }
 }

@@ -11,6 +11,7 @@ use adjsplat::Model;
 use adjsplat::error::{Error, Result};
 use adjsplat::traverse::VoxelBox;
 use egui::{Context, DroppedFileHandle};
+use serde::Deserialize;
 
 use crate::background;
 use crate::editor::StoredValues;
@@ -42,7 +43,7 @@ impl Place {
             Place::Path(path) => last(path),
             Place::Address(address) => {
                 let path = address.split(['?', '#']).next().unwrap_or_default();
-                shortened(path.rsplit('/').next().unwrap_or_default())
+                shortened(&decoded(path.rsplit('/').next().unwrap_or_default()))
             }
             Place::Bytes(name, _) => name.clone(),
             #[cfg(target_arch = "wasm32")]
@@ -55,6 +56,20 @@ impl Place {
     pub fn path(&self) -> Option<&std::path::Path> {
         if let Place::Path(path) = self { Some(path) } else { None }
     }
+}
+
+/// Returns a part of an address with its bytes in place of their codes, such as `%20`; unchanged if they are no
+/// text of one line.
+fn decoded(part: &str) -> String {
+    let (mut bytes, mut rest) = (Vec::with_capacity(part.len()), part.as_bytes());
+    while let [first, after @ ..] = rest {
+        let code = after.get(..2).filter(|code| *first == b'%' && code.iter().all(u8::is_ascii_hexdigit));
+        let byte = code.and_then(|code| u8::from_str_radix(std::str::from_utf8(code).ok()?, 16).ok());
+        bytes.push(byte.unwrap_or(*first));
+        rest = if byte.is_some() { &after[2..] } else { after };
+    }
+    let text = String::from_utf8(bytes).ok().filter(|text| !text.contains(char::is_control));
+    text.unwrap_or_else(|| part.to_owned())
 }
 
 /// Returns a name, without its middle if it is very long.
@@ -85,6 +100,8 @@ pub struct Opened {
     pub(crate) fetched: Option<[u64; 2]>,
     /// The box of the visible voxels.
     pub(crate) extent: Option<VoxelBox>,
+    /// The unit of lengths, if the file states it.
+    pub(crate) unit: Option<String>,
     /// The file, if its voxels are not in memory.
     pub(crate) remote: Option<Arc<Remote>>,
 }
@@ -92,9 +109,20 @@ pub struct Opened {
 impl Opened {
     pub(crate) fn new(place: &Place, model: Model, is_adj: bool, fetched: Option<[u64; 2]>) -> Result<Opened> {
         let stored = StoredValues::of(&model)?;
-        let extent = model.bounds()?;
-        Ok(Opened { place: place.clone(), is_adj, model, stored, fetched, extent, remote: None })
+        let (extent, unit) = (model.bounds()?, unit_of(&model));
+        Ok(Opened { place: place.clone(), is_adj, model, stored, fetched, extent, unit, remote: None })
     }
+}
+
+/// Returns the unit of lengths that the description of a file states.
+fn unit_of(model: &Model) -> Option<String> {
+    #[derive(Deserialize)]
+    struct Description {
+        unit: Option<String>,
+    }
+    let arena = model.arena().ok()?;
+    let Description { unit } = serde_json::from_slice(arena.description()).ok()?;
+    unit.map(|unit| shortened(unit.trim())).filter(|unit| !unit.is_empty() && !unit.contains(char::is_control))
 }
 
 /// A file that is being opened.
@@ -215,4 +243,22 @@ pub(crate) fn model_of(name: &str, bytes: Vec<u8>) -> Result<Model> {
         Error::Input { why, .. } => Error::input(name, why),
         other => other,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_at_an_address_is_called_by_its_name_without_codes_folders_and_query() {
+        let name = |address: &str| Place::Address(address.into()).name();
+        assert_eq!(name("../files/ball%20%26%20shell.adj?version=2#x"), "ball & shell.adj");
+        assert_eq!(name("files/t%C3%AAte.adj"), "tête.adj");
+        assert_eq!(name("files/100%.adj"), "100%.adj");
+        for other in ["%zz%ff.adj", "two%0Alines.adj"] {
+            assert_eq!(name(&format!("files/{other}")), other);
+        }
+        let long = name(&format!("files/{}.adj", "a".repeat(500)));
+        assert!(long.chars().count() == 80 && long.contains('…') && long.ends_with(".adj"), "{long}");
+    }
 }

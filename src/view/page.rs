@@ -40,7 +40,8 @@ pub async fn start(canvas: HtmlCanvasElement) -> std::result::Result<(), JsValue
         }
         Ok(Box::new(Window(viewer)))
     });
-    WebRunner::new().start(canvas, WebOptions::default(), create).await
+    let options = WebOptions { dithering: false, ..WebOptions::default() };
+    WebRunner::new().start(canvas, options, create).await
 }
 
 thread_local! {

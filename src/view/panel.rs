@@ -3,10 +3,10 @@
 use adjsplat::splat::{Mode, Quality, Up};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::Axis;
-use egui::{CollapsingHeader, DragValue, ScrollArea, Slider, Ui};
+use egui::{CollapsingHeader, ScrollArea, Slider, Ui};
 
 use crate::document::Document;
-use crate::editor::ui::{Change, choose, editor, number};
+use crate::editor::ui::{Change, choose, editor, field, number};
 use crate::look::{Clip, SIDES};
 use crate::navigate::Manner;
 
@@ -118,8 +118,7 @@ fn view(ui: &mut Ui, document: &mut Document, manner: &mut Manner, size: [u32; 2
             look.eye.toggle_perspective();
         }
         if let Some(fov) = &mut look.eye.fov {
-            ui.add(DragValue::new(fov).range(5.0..=120.0).clamp_existing_to_range(false).speed(0.3).suffix("°"))
-                .on_hover_text("Vertical angle of view");
+            ui.add(field(fov, 5.0..=120.0).speed(0.3).suffix("°")).on_hover_text("Vertical angle of view");
         }
     });
     ui.horizontal_wrapped(|ui| {
@@ -148,8 +147,8 @@ fn cut(ui: &mut Ui, document: &mut Document) {
                 let last = whole().high[a];
                 ui.label(name);
                 let (low, high) = (crop.low[a], crop.high[a]);
-                ui.add(DragValue::new(&mut crop.low[a]).range(0..=high).speed(0.3));
-                ui.add(DragValue::new(&mut crop.high[a]).range(low..=last).speed(0.3));
+                ui.add(field(&mut crop.low[a], 0..=high).speed(0.3));
+                ui.add(field(&mut crop.high[a], low..=last).speed(0.3));
                 ui.end_row();
             }
         });
@@ -178,7 +177,7 @@ fn numbers(ui: &mut Ui, document: &Document) {
     let mut rows: Vec<(&str, String)> = Vec::new();
     let join = |parts: [String; 3]| parts.join(" x ");
     rows.push(("points", join(grid.dims.map(|points| points.to_string()))));
-    let unit = grid.unit.clone().unwrap_or_default();
+    let unit = document.unit.as_deref().unwrap_or_default();
     rows.push(("spacing", format!("{} {unit}", join(grid.spacing.map(number))).trim_end().to_owned()));
     rows.push(("visible voxels", document.model.visible_voxels().to_string()));
     if let Ok(arena) = document.model.arena() {

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use adjsplat::classify::{Colour, Label, UnlistedLabels};
+use adjsplat::error::Error;
 use adjsplat::splat::{Mode, Quality, Settings};
 use adjsplat::{Build, Model, TransferFunction, Volume};
 use adjsplat_tests::files::skipped;
@@ -16,6 +17,7 @@ use adjsplat_view::document::Document;
 use adjsplat_view::draw::{Canvas, Renderer, picture};
 use adjsplat_view::editor::Edited;
 use adjsplat_view::look::Look;
+use adjsplat_view::open::{Opening, Place, Wish};
 use adjsplat_view::recent::RecentFiles;
 use adjsplat_view::save::{PictureForm, save};
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, TouchPhase, pos2, vec2};
@@ -34,7 +36,7 @@ fn samples() -> Vec<u8> {
 }
 
 fn ball() -> Volume {
-    Volume::new([40, 40, 40], samples()).unwrap().with_spacing([1.0, 1.0, 1.5]).unwrap()
+    Volume::new([40, 40, 40], samples()).unwrap().with_spacing([1.0, 1.0, 1.5]).unwrap().with_unit("mm")
 }
 
 /// Writes an .adj file of a ball whose values from 60 up are stored.
@@ -241,6 +243,25 @@ fn the_wheel_magnifies_and_keys_choose_sides() {
 }
 
 #[test]
+fn a_links_wide_angle_of_view_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = file(folder.path());
+    let show = move |ui: &mut egui::Ui, viewer: &mut Option<Viewer>| {
+        let open = || {
+            let mut viewer = Viewer::new(ui.ctx(), &[], RecentFiles::default(), Renderer::Processor);
+            let view = Some("30,20,60,150,20,20,30".into());
+            viewer.open_as(ui.ctx(), Place::Path(file.clone()), Wish { view, transfer: None });
+            viewer
+        };
+        viewer.get_or_insert_with(open).show(ui);
+    };
+    let mut driven: Driven = builder().build_ui_state(show, None);
+    wait(&mut driven, "opening", |viewer| viewer.documents().len() == 1);
+    (0..5).for_each(|_| driven.step());
+    assert_eq!(document(&driven).look.eye.fov, Some(150.0));
+}
+
+#[test]
 fn a_point_is_dragged_undone_and_redone() {
     let folder = tempfile::tempdir().unwrap();
     let mut driven = opened(folder.path());
@@ -313,7 +334,8 @@ fn a_click_picks_the_voxel_in_front() {
     assert!((picked.index[1] as i32 - 35).abs() <= 1, "{picked:?}");
     assert!((60.0..100.0).contains(&picked.value), "{picked:?}");
     driven.step();
-    assert!(driven.query_by_label_contains("Voxel ").is_some());
+    // The place is in the file's unit.
+    assert!(driven.query_by_label_contains(" mm: value ").is_some());
 }
 
 #[test]
@@ -344,6 +366,14 @@ fn a_volume_is_built_in_the_background() {
     wait(&mut driven, "building", |viewer| viewer.documents().len() == 1);
     let Document { model, is_adj, .. } = document(&driven);
     assert!(!is_adj && model.visible_voxels() > 1000);
+}
+
+#[test]
+fn cancelling_does_not_wait_for_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let opening = Opening::begin(Place::Path(file(folder.path())), Wish::default(), &egui::Context::default());
+    opening.cancel();
+    assert!(matches!(opening.result(), Some(Err(Error::Interrupted))));
 }
 
 #[test]

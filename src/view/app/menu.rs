@@ -23,7 +23,11 @@ impl Viewer {
                     self.dialog = Some(Dialog::begin(Purpose::OpenFile, &context));
                     ui.close();
                 }
-                if ui.button("Path…").on_hover_text("Type a path; a folder of DICOM slices, for example").clicked() {
+                let (title, what) = match cfg!(target_arch = "wasm32") {
+                    true => ("Address…", "Type the address of an .adj file on this page's server"),
+                    false => ("Path…", "Type a path; a folder of DICOM slices, for example"),
+                };
+                if ui.button(title).on_hover_text(what).clicked() {
                     self.typed_path = Some(String::new());
                     ui.close();
                 }
@@ -181,7 +185,7 @@ fn changed_transfer(document: &Document) -> Option<TransferFunction> {
 
 /// Returns a line about the picked voxel, or else about the file.
 fn describe(document: &Document) -> String {
-    let unit = document.model.grid().unit.clone().unwrap_or_default();
+    let unit = document.unit.as_deref().map_or_else(String::new, |unit| format!(" {unit}"));
     match document.picked {
         Some(picked) => {
             let [x, y, z] = picked.index;
@@ -193,7 +197,7 @@ fn describe(document: &Document) -> String {
                 _ => None,
             };
             let name = name.map_or_else(String::new, |name| format!(" ({name})"));
-            format!("Voxel {x}, {y}, {z} at {place} {unit}: value {}{name}", number(picked.value))
+            format!("Voxel {x}, {y}, {z} at {place}{unit}: value {}{name}", number(picked.value))
         }
         None => {
             let [x, y, z] = document.model.grid().dims;

@@ -244,7 +244,9 @@ impl Viewer {
         if pressed(Modifiers::COMMAND, Key::O) {
             self.typed_path = Some(String::new());
         }
-        if pressed(Modifiers::COMMAND, Key::W) && !self.documents.is_empty() {
+        // A browser closes the page by Ctrl+W.
+        let closes = if cfg!(target_arch = "wasm32") { Modifiers::ALT } else { Modifiers::COMMAND };
+        if pressed(closes, Key::W) && !self.documents.is_empty() {
             self.close(self.active);
         }
         let size = self.view_size;

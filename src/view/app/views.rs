@@ -9,11 +9,12 @@ use crate::overlay::{self, Projector};
 impl Viewer {
     pub(super) fn views(&mut self, ui: &mut Ui) {
         if self.documents.is_empty() {
-            let text = match self.openings.is_empty() {
-                true => {
+            let text = match (self.openings.is_empty(), cfg!(target_arch = "wasm32")) {
+                (false, _) => "Opening …",
+                (true, true) => "Drop an .adj file here, or choose Open. Of a volume, adj build makes one.",
+                (true, false) => {
                     "Drop a file here, or choose Open: an .adj file, or a volume (DICOM, NIfTI, NRRD, TIFF, Zarr …)"
                 }
-                false => "Opening …",
             };
             let rect = ui.available_rect_before_wrap();
             overlay::message(ui.painter(), rect, text, ui.visuals().weak_text_color());
@@ -41,7 +42,9 @@ impl Viewer {
         let label = format!("View of {}", self.documents[index].title);
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, &label));
         let scale = ui.ctx().pixels_per_point();
-        let size = [rect.width(), rect.height()].map(|side| ((side * scale) as u32).clamp(1, 16_384));
+        // Larger pictures fit into no texture of the window; what is drawn is stretched.
+        let most = u32::try_from(ui.input(|input| input.max_texture_side)).unwrap_or(u32::MAX).clamp(1, 16_384);
+        let size = [rect.width(), rect.height()].map(|side| ((side * scale) as u32).clamp(1, most));
         self.view_size = size;
         if response.drag_started() || response.clicked() {
             self.active = index;
@@ -67,19 +70,20 @@ impl Viewer {
         let (model, version) = (document.model.clone(), document.version());
         let [r, g, b] = document.look.background;
         let painter = ui.painter_at(rect);
-        painter.rect_filled(rect, 0.0, Color32::from_rgb(r, g, b));
         let canvas = document.painter.canvas().clone();
-        if let Some(remote) = canvas.remote().filter(|remote| !remote.has_arrived()) {
-            let text =
-                if remote.has_failed() { "The voxels could not be fetched" } else { "Fetching the first voxels …" };
+        let wait = |text| {
+            painter.rect_filled(rect, 0.0, Color32::from_rgb(r, g, b));
             overlay::message(&painter, rect, text, contrast([r, g, b]));
+        };
+        if let Some(remote) = canvas.remote().filter(|remote| !remote.has_arrived()) {
+            wait(if remote.has_failed() { "The voxels could not be fetched" } else { "Fetching the first voxels …" });
             if let Err(fault) = canvas.begin(&model, &document.look, size) {
                 document.note = Some(fault.to_string());
             }
         } else if let Some(texture) = document.painter.paint(&model, version, &document.look, size, time) {
             Image::new(texture).paint_at(ui, rect);
         } else {
-            overlay::message(&painter, rect, "Drawing the first picture …", contrast([r, g, b]));
+            wait("Drawing the first picture …");
         }
         self.over_picture(ui, &response, rect, index);
         let eye = self.documents[index].look.eye;
@@ -100,7 +104,7 @@ impl Viewer {
             overlay::crop_box(ui, response, &projector, document.model.grid(), &mut crop, &mut None);
         }
         overlay::axis_cross(&painter, &eye, rect);
-        overlay::scale_bar(&painter, &eye, rect, document.model.grid().unit.as_deref(), colour);
+        overlay::scale_bar(&painter, &eye, rect, document.unit.as_deref(), colour);
         if let Some(at) = response.interact_pointer_pos().filter(|_| response.clicked()) {
             let (origin, direction) = projector.ray(at);
             document.begin_pick(ui.ctx(), origin, direction);

@@ -1,11 +1,11 @@
 //! The windows for a typed path and for saving a picture.
 
 use adjsplat::splat::Quality;
-use egui::{Button, Context, DragValue, Key, Window};
+use egui::{Button, Context, Key, Window};
 
 use super::Viewer;
 use crate::dialog::{Dialog, Purpose};
-use crate::editor::ui::choose;
+use crate::editor::ui::{choose, field};
 use crate::open::Place;
 use crate::panel::QUALITIES;
 use crate::save::PictureForm;
@@ -20,13 +20,17 @@ impl Viewer {
         let Some(text) = &mut self.typed_path else { return };
         let mut is_open = true;
         let mut chosen = false;
-        Window::new("Open a path")
+        let (title, example) = match cfg!(target_arch = "wasm32") {
+            true => ("Open an address", "head.adj"),
+            false => ("Open a path", "/data/head.adj"),
+        };
+        Window::new(title)
             .open(&mut is_open)
             .collapsible(false)
             .resizable(false)
             .anchor(egui::Align2::CENTER_TOP, [0.0, 90.0])
             .show(context, |ui| {
-                let field = ui.add(egui::TextEdit::singleline(text).desired_width(420.0).hint_text("/data/head.adj"));
+                let field = ui.add(egui::TextEdit::singleline(text).desired_width(420.0).hint_text(example));
                 chosen = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
                 if !chosen && ui.memory(|memory| memory.focused().is_none()) {
                     field.request_focus();
@@ -65,15 +69,15 @@ impl Viewer {
             .anchor(egui::Align2::CENTER_TOP, [0.0, 90.0])
             .show(context, |ui| {
                 ui.horizontal(|ui| {
-                    ui.add(DragValue::new(&mut form.size[0]).range(1..=16_384));
+                    ui.add(field(&mut form.size[0], 1..=16_384));
                     ui.label("x");
-                    ui.add(DragValue::new(&mut form.size[1]).range(1..=16_384));
+                    ui.add(field(&mut form.size[1], 1..=16_384));
                     ui.label("pixels");
                 });
                 choose(ui, "quality", &mut form.quality, &QUALITIES);
                 ui.checkbox(&mut form.is_transparent, "Transparent background");
                 ui.checkbox(&mut form.is_deep, "16 bits a sample");
-                ui.add(DragValue::new(&mut form.frames).range(1..=3600).prefix("pictures of a full turn: "));
+                ui.add(field(&mut form.frames, 1..=3600).prefix("pictures of a full turn: "));
                 let endings = if form.frames > 1 {
                     "The name ends in .apng for one file, in .png or .exr (linear, 32-bit float) for numbered files."
                 } else {
@@ -85,6 +89,6 @@ impl Viewer {
         if saves {
             self.dialog = Some(Dialog::begin(Purpose::SavePicture, context));
         }
-        self.form_is_open = is_open && !saves;
+        self.form_is_open = is_open && !saves && !context.input(|input| input.key_pressed(Key::Escape));
     }
 }

@@ -2,12 +2,12 @@
 
 use adjsplat::TransferFunction;
 use adjsplat::error::Result;
-use egui::{DragValue, Grid, Ui};
+use egui::{Grid, Ui};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::points::{bytes_of, hex};
-use super::ui::{Change, name};
+use super::ui::{Change, field, name};
 
 /// A surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -111,10 +111,10 @@ pub(super) fn surfaces(ui: &mut Ui, table: &mut SurfaceTable, values: [f64; 2]) 
             let low = index.checked_sub(1).map_or(-1e100, |before| table.rows[before].value.next_up());
             let high = table.rows.get(index + 1).map_or(1e100, |after| after.value.next_down());
             let row = &mut table.rows[index];
-            let value = ui.add(DragValue::new(&mut row.value).speed(speed).range(low..=high).max_decimals(3));
-            let opacity = ui.add(DragValue::new(&mut row.opacity).speed(0.005).range(0.0..=1.0).max_decimals(3));
+            let value = ui.add(field(&mut row.value, low..=high).speed(speed).max_decimals(3));
+            let opacity = ui.add(field(&mut row.opacity, 0.0..=1.0).speed(0.005).max_decimals(3));
             let width = row.width.as_mut().map(|width| {
-                let width = ui.add(DragValue::new(width).speed(0.02).range(least_width..=100.0).max_decimals(2));
+                let width = ui.add(field(width, least_width..=100.0).speed(0.02).max_decimals(2));
                 width.on_hover_text("Half the thickness, in voxels")
             });
             let colour = ui.color_edit_button_srgb(&mut row.colour);

@@ -1,7 +1,10 @@
 //! The widgets of the editor: a histogram with points, and a table of labels.
 
+use std::ops::RangeInclusive;
+
 use adjsplat::TransferFunction;
 use adjsplat::classify::PRESETS;
+use egui::emath::Numeric;
 use egui::{
     Align2, Color32, ComboBox, DragValue, FontId, Grid, Key, PointerButton, Pos2, Rect, Response, Role, ScrollArea,
     Sense, Shape, Stroke, TextEdit, Ui, WidgetInfo, pos2, vec2,
@@ -138,9 +141,9 @@ fn gradient(ui: &mut Ui, list: &mut PointList) -> Change {
         if let Some(GradientRamp { from, to }) = &mut list.gradient {
             let speed = (*to / 100.0).max(1e-6);
             let most = *to;
-            change = change.and(Change::of(&ui.add(DragValue::new(from).speed(speed).range(0.0..=most).prefix("from "))));
+            change = change.and(Change::of(&ui.add(field(from, 0.0..=most).speed(speed).prefix("from "))));
             let least = *from;
-            change = change.and(Change::of(&ui.add(DragValue::new(to).speed(speed).range(least..=1e100).prefix("to "))));
+            change = change.and(Change::of(&ui.add(field(to, least..=1e100).speed(speed).prefix("to "))));
             if *to <= *from {
                 *to = *from + 1e-9_f64.max(*from * 1e-6);
             }
@@ -281,8 +284,7 @@ fn selected_point(ui: &mut Ui, list: &mut PointList, state: &mut EditorState, wi
     ui.horizontal_wrapped(|ui| {
         let mut point = list.points()[index];
         let value = ui.add(DragValue::new(&mut point.value).speed(width / 400.0).max_decimals(3).prefix("value "));
-        let opacity =
-            ui.add(DragValue::new(&mut point.opacity).speed(0.005).range(0.0..=1.0).max_decimals(3).prefix("opacity "));
+        let opacity = ui.add(field(&mut point.opacity, 0.0..=1.0).speed(0.005).max_decimals(3).prefix("opacity "));
         let colour = ui.color_edit_button_srgb(&mut point.colour);
         name(&value, "Value of the point");
         name(&opacity, "Opacity of the point");
@@ -377,8 +379,7 @@ fn label_row(ui: &mut Ui, table: &mut LabelTable, index: usize) -> Change {
         if row.name == row.label.to_string() { row.name.clone() } else { format!("{}  {}", row.label, row.name) };
     let shown = ui.checkbox(&mut row.is_visible, "");
     let colour = ui.color_edit_button_srgb(&mut row.colour);
-    let opacity = DragValue::new(&mut row.opacity).speed(0.005).range(0.004..=1.0).max_decimals(2);
-    let opacity = ui.add(opacity);
+    let opacity = ui.add(field(&mut row.opacity, 0.004..=1.0).speed(0.005).max_decimals(2));
     name(&shown, format!("Show {}", row.name));
     name(&colour, format!("Colour of {}", row.name));
     name(&opacity, format!("Opacity of {}", row.name));
@@ -390,6 +391,12 @@ fn label_row(ui: &mut Ui, table: &mut LabelTable, index: usize) -> Change {
         change = Change::Done;
     }
     change
+}
+
+/// Returns a field for a number. What the user types or drags stays in the range; a number outside it, which a file or a link
+/// may hold, is shown as it is and stays.
+pub fn field<N: Numeric>(number: &mut N, range: RangeInclusive<N>) -> DragValue<'_> {
+    DragValue::new(number).range(range).clamp_existing_to_range(false)
 }
 
 /// Gives a widget the name that screen readers say.

@@ -166,3 +166,17 @@ fn boundaries_of_regions_and_long_ramps_keep_what_they_are() {
         assert_eq!(list(&harness).points().len(), 3);
     }
 }
+
+#[test]
+fn a_number_that_a_field_would_not_take_stays_until_the_user_changes_it() {
+    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![0, 5, 7] };
+    let labels = r##"{"kind":"labels","labels":[{"label":1,"name":"liver","colour":"#802010","opacity":0.001}]}"##;
+    let wide = r##"{"kind":"contour","contours":[{"value":2,"opacity":0.5,"width":150,"colour":"#802010"}]}"##;
+    for text in [labels, wide] {
+        let edited = Edited::of(&TransferFunction::from_json(text).unwrap(), &stored);
+        let mut harness = harness(edited.clone(), stored.clone());
+        harness.run();
+        assert_eq!(harness.state().edits.now, edited);
+        assert!(!harness.state().edits.can_undo() && harness.state().before.is_none());
+    }
+}

@@ -24,6 +24,14 @@ function watchFirstDevice() {
   };
 }
 
+// A device draws no larger pictures than this, in pixels of the screen.
+const MOST_PIXELS = 8192;
+
+function limitSize() {
+  const most = `${Math.floor(MOST_PIXELS / devicePixelRatio)}px`;
+  Object.assign(canvas.style, { maxWidth: most, maxHeight: most });
+}
+
 async function begin() {
   if (!globalThis.isSecureContext) {
     return say("Browsers allow WebGPU only to pages from https or from this machine. Open this page so, or use adj view.");
@@ -34,6 +42,8 @@ async function begin() {
   watchFirstDevice();
   await init({ module_or_path: new URL("adjsplat_view_bg.wasm", import.meta.url) });
   say("");
+  limitSize();
+  addEventListener("resize", limitSize);
   await viewer.start(canvas);
   // For tests and for pages that hold this one: what is shown.
   globalThis.adjsplat = { state: () => JSON.parse(viewer.state() || "{}"), pixels: () => viewer.pixels() };
