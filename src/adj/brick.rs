@@ -43,6 +43,7 @@ enum Step {
 
 /// Plan the bricks of a volume: how it is cut, what is visible, how it is stored
 #[derive(Debug, Args)]
+#[command(after_help = "Example: adj brick plan ct.nhdr --range 300.. --slab 128 -o plan.json")]
 struct PlanArguments {
     /// The volume, as adj build takes it
     #[arg(value_name = "IN", required = true)]
@@ -83,6 +84,7 @@ struct BrickOfVolume {
 
 /// Scan a brick of the volume: the range of its values, its visible voxels, what codes depend on
 #[derive(Debug, Args)]
+#[command(after_help = "Example: adj brick scan plan.json 3 ct.nhdr -o found-3.json")]
 struct ScanArguments {
     #[command(flatten)]
     brick: BrickOfVolume,
@@ -95,6 +97,7 @@ struct ScanArguments {
 ///
 /// Exit code 0: bricks can be built; 1: scan all bricks once more, with the new plan.
 #[derive(Debug, Args)]
+#[command(after_help = "Example: adj brick agree plan.json found-0.json found-1.json -o agreed.json")]
 struct AgreeArguments {
     /// The plan that the bricks were scanned with
     #[arg(value_name = "PLAN.json")]
@@ -109,6 +112,7 @@ struct AgreeArguments {
 
 /// Build a brick of an agreed plan, with the samples around it that its gradients need
 #[derive(Debug, Args)]
+#[command(after_help = "Example: adj brick build agreed.json 3 ct.nhdr -o ct.adjs")]
 struct BuildArguments {
     #[command(flatten)]
     brick: BrickOfVolume,
@@ -119,6 +123,7 @@ struct BuildArguments {
 
 /// Finish a collection whose bricks are built: write its preview and its manifest
 #[derive(Debug, Args)]
+#[command(after_help = "Example: adj brick finish agreed.json ct.adjs")]
 struct FinishArguments {
     /// The agreed plan
     #[arg(value_name = "PLAN.json")]

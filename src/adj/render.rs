@@ -123,6 +123,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let flags = [("--bricks", arguments.bricks), ("--partial", arguments.partial), ("--preview", arguments.preview)];
     for (flag, given) in flags {
         if given && !is_collection {
+            std::fs::metadata(input.path()).map_err(Error::io("open", input.path()))?;
             return Err(Error::input(flag, "is for collections, which are folders NAME.adjs; leave it out"));
         }
     }
