@@ -11,7 +11,7 @@ goes from a volume to a turntable step by step.
 from . import dask
 from ._native import DeviceError, FormatError, __version__
 from .build import BuildWarning, build
-from .collection import BrickPlan, Collection, split
+from .collection import BrickPlan, Collection, composite, split
 from .edit import Edit
 from .export import ExportReport, ExportWarning
 from .lanes import Lane
@@ -20,6 +20,7 @@ from .pictures import Metrics, compare, save
 from .render import Renderer, devices, render
 from .show import show
 from .transfer import TransferFunction
+from .volume_file import VolumeFile
 
 __all__ = [
     "BrickPlan",
@@ -35,9 +36,11 @@ __all__ = [
     "Model",
     "Renderer",
     "TransferFunction",
+    "VolumeFile",
     "__version__",
     "build",
     "compare",
+    "composite",
     "dask",
     "devices",
     "open",

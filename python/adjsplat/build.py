@@ -41,7 +41,9 @@ class Place:
         self.unit = None if unit is None else text("unit", unit)
 
 
-class _Reading:
+class Reading:
+    """What a file does not say itself, checked."""
+
     def __init__(
         self,
         shape: Any,
@@ -189,9 +191,9 @@ def build(
         )
         files: list[str] = []
     else:
-        files = _files(volume)
-        reading = _Reading(shape, dtype, skip, volume_index, level, series, outside_files, unscaled)
-        source = _native.file_source(files, reading, place)
+        files = file_paths(volume)
+        reading = Reading(shape, dtype, skip, volume_index, level, series, outside_files, unscaled)
+        source = _native.file_source(files, reading, place, None)
         for note in source.notes:
             warnings.warn(note, BuildWarning, stacklevel=2)
     path = None if out is None else output_path(out, files)
@@ -222,7 +224,7 @@ def chosen_transfer(visible: Any, transfer: Any, labels: Any) -> str | None:
     return palette.to_json()
 
 
-def _files(volume: Any) -> list[str]:
+def file_paths(volume: Any) -> list[str]:
     """Returns the paths that `volume` names: one, several, or a pattern."""
     if isinstance(volume, (str, os.PathLike)):
         path = os.fsdecode(volume)

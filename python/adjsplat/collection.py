@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,8 +15,10 @@ from .arguments import byte_count, output_path, path_in_folder, thread_count, wh
 from .arrays import Slices, is_array
 from .build import Packing, Place, chosen_transfer
 from .model import Model, open
+from .pictures import linear_picture
 from .render import Look, Renderer
 from .transfer import as_transfer
+from .volume_file import VolumeFile, VolumePart
 
 
 class Brick(NamedTuple):
@@ -75,11 +77,20 @@ class Collection:
 
     @property
     def faults(self) -> list[str]:
-        """What is wrong with bricks, a line for each; empty if all can be used."""
+        """What is wrong with bricks and the preview, a line for each; empty if all can be used."""
         return self._native.faults
 
+    @property
+    def preview(self) -> Model | None:
+        """The whole with every n-th grid point along each axis, as a model that fits any machine.
+
+        None if there is none: the collection is small, or the preview's file cannot be used (`faults` says so).
+        """
+        file = self._native.preview
+        return None if file is None else open(os.path.join(self.path, file))
+
     def verify(self) -> list[str]:
-        """Checks every byte of every brick; returns what is wrong, a line for each brick."""
+        """Checks every byte of every brick and of the preview; returns what is wrong, a line for each."""
         return self.faults + self._native.check()
 
     def join(
@@ -155,6 +166,31 @@ def over(nearer: np.ndarray, farther: np.ndarray, mode: str) -> np.ndarray:
     return nearer + clear * farther
 
 
+def composite(pictures: Iterable[Any], mode: str = "composite") -> np.ndarray:
+    """Puts pictures of bricks together, the nearest first; returns the picture of what all show.
+
+    Each picture is an array as `render` returns it, transparent where nothing is, or the path of a PNG or OpenEXR file.
+    `mode` is the one that they were drawn in, "composite" or "xray".
+
+    >>> near, far = np.zeros((2, 3, 4), np.float32), np.ones((2, 3, 4), np.float32)
+    >>> near[..., 3] = 0.25
+    >>> adj.composite([near, far])[0, 0].tolist()
+    [0.75, 0.75, 0.75, 1.0]
+    """
+    if mode not in ("composite", "xray"):
+        raise ValueError(f'mode is "{mode}", but pictures can be put together in composite and xray')
+    picture = None
+    for farther in map(linear_picture, pictures):
+        if picture is not None and picture.shape != farther.shape:
+            raise ValueError(
+                f"pictures have different sizes: {picture.shape[:2]} and {farther.shape[:2]} (rows, columns)"
+            )
+        picture = put_together(picture, farther, mode)
+    if picture is None:
+        raise ValueError("there are no pictures; give at least one")
+    return picture
+
+
 def put_together(nearer: np.ndarray | None, farther: np.ndarray | None, mode: str) -> np.ndarray | None:
     """Returns the picture of what both show, `nearer` in front; None is a picture of nothing."""
     if nearer is None or farther is None:
@@ -169,6 +205,7 @@ def split(
     slab: int | None = None,
     brick: Sequence[int] | None = None,
     partition: str = "z",
+    preview: int | None = None,
     memory: int | str | None = None,
     threads: int | None = None,
 ) -> Collection:
@@ -176,15 +213,25 @@ def split(
 
     `slab` is the number of slices of a brick along z; or `brick` its number of points (z, y, x), 0 where an axis is not
     cut. With `partition="xyz"` every voxel is stored three times, in slabs across z, y and x, and pictures brick by brick
-    are exact from every side. `Collection.join` makes the same file of it again, byte for byte.
+    are exact from every side. The collection's preview has every `preview`-th point along each axis; 1: it has none. By
+    default it has at most 16 million voxels, and none if the whole has no more. `Collection.join` makes the same file of it
+    again, byte for byte.
 
     >>> adj.split(f, "cubes.adjs", brick=(32, 32, 32)).count == f.count
     True
     """
     model = f if isinstance(f, Model) else open(f)
     sizes = brick_sizes(slab, brick, partition)
-    _native.split(model._open, path_in_folder(out), sizes, byte_count(memory), thread_count(threads))
+    limits = (byte_count(memory), thread_count(threads))
+    _native.split(model._open, path_in_folder(out), sizes, preview_step(preview), *limits)
     return Collection(out)
+
+
+def preview_step(preview: int | None) -> int | None:
+    """Returns how many grid points along an axis a voxel of the preview stands for; None stays."""
+    if preview is not None and not 1 <= whole("preview", preview) <= 65535:
+        raise ValueError(f"preview is {preview}, but must be 1 to 65535 points, or None")
+    return preview
 
 
 def brick_sizes(slab: int | None, brick: Sequence[int] | None, partition: str) -> list[list[int]]:
@@ -205,8 +252,8 @@ def brick_sizes(slab: int | None, brick: Sequence[int] | None, partition: str) -
 class BrickPlan:
     """The plan of a collection that is built brick by brick, anywhere; every step is a function of its arguments alone.
 
-    The plan knows the array's shape and type. It is scanned until all is known that codes depend on, then bricks are built,
-    in any order, by any process. A step that failed is simply done again.
+    The plan knows the shape and type of the array, or of a volume in files (`VolumeFile`). It is scanned until all is known
+    that codes depend on, then bricks are built, in any order, by any process. A step that failed is simply done again.
 
     >>> array = np.arange(4096, dtype=np.uint16).reshape(16, 16, 16)
     >>> plan = adj.BrickPlan(array, visible=(2000, None), slab=4)
@@ -226,6 +273,7 @@ class BrickPlan:
         slab: int | None = None,
         brick: Sequence[int] | None = None,
         partition: str = "z",
+        preview: int | None = None,
         visible: tuple[float | None, float | None] | None = None,
         transfer: Any = None,
         labels: Any = None,
@@ -241,11 +289,11 @@ class BrickPlan:
         chosen = chosen_transfer(visible, transfer, labels)
         if chosen is None or chosen == "file":
             raise ValueError("say what is visible: visible=(low, high), transfer= or labels= (but not of the file)")
-        if not is_array(array):
-            raise TypeError(f"a plan is of an array (z, y, x), not {type(array).__name__}")
         place = Place(spacing, origin, direction, frame, unit)
         packing = Packing(lanes, value_bits, normal_bits, None, None)
-        self._native = _native.Plan(_source(array, place), chosen, packing, brick_sizes(slab, brick, partition))
+        self._native = _native.Plan(
+            _source(array, place), chosen, packing, brick_sizes(slab, brick, partition), preview_step(preview)
+        )
 
     @classmethod
     def _of(cls, native: _native.Plan) -> BrickPlan:
@@ -318,28 +366,54 @@ class BrickPlan:
         return self._native.warnings()
 
 
+def as_volume(volume: Any) -> Any:
+    """Returns an array as it is, and a path or a list of paths as a volume in files."""
+    if is_array(volume) or isinstance(volume, VolumeFile):
+        return volume
+    if isinstance(volume, (str, os.PathLike, list, tuple)):
+        return VolumeFile(volume)
+    raise TypeError(
+        f"a volume is an array (z, y, x), a path, a list of paths or a VolumeFile, not {type(volume).__name__}"
+    )
+
+
 def _source(array: Any, place: Place | None = None) -> _native.Source:
+    if isinstance(array, VolumeFile):
+        return array._source(place)
+    if isinstance(array, VolumePart):
+        return array.volume._source(box=array.box)
+    if not is_array(array):
+        raise TypeError(f"samples are an array (z, y, x) or a part of a VolumeFile, not {type(array).__name__}")
     slices = Slices(array, None)
     where = Place(None, None, None, "RAS", None) if place is None else place
     return _native.array_source(slices.read, slices.dims, slices.sample_type, slices.name, where, slices.buffer_bytes)
 
 
+def _refuse_existing(out: str) -> None:
+    if os.path.lexists(out):
+        raise FileExistsError(17, "is there already; remove it first, or give another name", out)
+
+
 def building_folder(out: str) -> str:
     """Creates the folder in which the bricks of the collection `out` are built, beside it."""
-    if os.path.exists(out):
-        raise FileExistsError(17, "is there already; remove it first, or give another name", out)
+    _refuse_existing(out)
     return tempfile.mkdtemp(prefix=f".{os.path.basename(out)}.", suffix=".building", dir=os.path.dirname(out))
 
 
 def finished(plan: BrickPlan, building: str, out: str) -> Collection:
     """Makes a collection of the bricks in `building` and gives it its name; what killed workers left there goes."""
-    plan.finish(building)
-    kept = {brick.file for brick in Collection(building).bricks} | {"collection.json"}
+    built = plan.finish(building)
+    kept = {brick.file for brick in built.bricks} | {built._native.preview, "collection.json"}
     for name in set(os.listdir(building)) - kept:
         path = os.path.join(building, name)
         shutil.rmtree(path) if os.path.isdir(path) else os.remove(path)
     mask = os.umask(0)
     os.umask(mask)
     os.chmod(building, 0o777 & ~mask)
-    os.rename(building, out)
+    try:
+        os.rename(building, out)
+    except OSError:
+        # Another build was faster.
+        _refuse_existing(out)
+        raise
     return Collection(out)

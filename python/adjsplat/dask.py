@@ -19,9 +19,10 @@ from . import _native
 from ._optional import needed
 from .arguments import byte_count, output_path, path_in_folder
 from .build import BuildWarning
-from .collection import BrickPlan, BrickRenderer, Collection, building_folder, finished, put_together
+from .collection import BrickPlan, BrickRenderer, Collection, as_volume, building_folder, finished, put_together
 from .model import Model
 from .render import Look
+from .volume_file import VolumeFile
 
 
 def build(
@@ -34,7 +35,10 @@ def build(
     retries: int = 3,
     **options: Any,
 ) -> Collection | Model:
-    """Builds a collection (`out` ends in .adjs) or an .adj file of a zarr, dask or other array, brick by brick.
+    """Builds a collection (`out` ends in .adjs) or an .adj file of a volume, brick by brick.
+
+    `array` is a zarr, dask or other array, a `VolumeFile`, or what a `VolumeFile` takes: a path, a folder of slices, a list
+    or pattern of paths of slices. Of files each task reads what its brick needs.
 
     `slab` or `brick` say how large bricks are, as for `split`; each task holds the samples of one brick and its visible
     voxels, so they bound a worker's memory. `options` are those of `BrickPlan`: what is visible, where, and how it is
@@ -48,14 +52,18 @@ def build(
     2096
     """
     dask = needed("dask", "adjsplat.dask")
+    array = as_volume(array)
     is_file = not os.fsdecode(out).rstrip("/").endswith(".adjs")
     path = output_path(out) if is_file else path_in_folder(os.fsdecode(out).rstrip("/"))
     if slab is None and brick is None:
         raise ValueError("give slab, the slices of a brick along z, or brick, its points (z, y, x)")
     limit = byte_count(memory)
-    # Slices of a Dask array are tasks themselves, and those of a numpy array travel; others are read where they are needed.
-    is_sliced = isinstance(array, np.ndarray) or hasattr(array, "__dask_graph__")
+    # Slices of a Dask array are tasks themselves, those of a numpy array travel, and parts of files are read late; slices of
+    # other arrays are read where they are needed.
+    is_sliced = isinstance(array, (np.ndarray, VolumeFile)) or hasattr(array, "__dask_graph__")
     part = operator.getitem if is_sliced else dask.delayed(operator.getitem, pure=False)
+    if is_file:
+        options["preview"] = 1
     plan = BrickPlan(array, slab=slab, brick=brick, **options)
     scan, make = dask.delayed(_scan, pure=False), dask.delayed(_build, pure=False)
     collection = f"{path}.adjs" if is_file else path
@@ -116,11 +124,11 @@ def _computed(dask: Any, tasks: list[Any], retries: int) -> list[Any]:
 
 
 def _scan(plan: str, index: int, samples: Any) -> str:
-    return BrickPlan.from_json(plan).scan(index, np.asarray(samples), threads=1)
+    return BrickPlan.from_json(plan).scan(index, samples, threads=1)
 
 
 def _build(plan: str, index: int, samples: Any, folder: str) -> int:
-    return BrickPlan.from_json(plan).build(index, np.asarray(samples), folder, threads=1)
+    return BrickPlan.from_json(plan).build(index, samples, folder, threads=1)
 
 
 def _draw_brick(path: str, index: int, look: Look, camera: str, transfer: str | None) -> np.ndarray | None:

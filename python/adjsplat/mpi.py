@@ -24,9 +24,10 @@ import numpy as np
 from ._optional import needed
 from .arguments import path_in_folder
 from .build import BuildWarning
-from .collection import BrickPlan, BrickRenderer, Collection, building_folder, finished, over, put_together
+from .collection import BrickPlan, BrickRenderer, Collection, as_volume, building_folder, finished, over, put_together
 from .pictures import save
 from .render import Look
+from .volume_file import VolumeFile
 
 
 def build(
@@ -38,13 +39,15 @@ def build(
     comm: Any = None,
     **options: Any,
 ) -> Collection:
-    """Builds a collection of an array that every rank can read; all ranks call this, and all get it.
+    """Builds a collection of a volume that every rank can read; all ranks call this, and all get it.
 
-    `slab`, `brick` and `options` are those of `adjsplat.dask.build`. A rank that fails ends the build on all ranks, which
-    then raise RuntimeError with its message; nothing is left.
+    `array` is an array, a `VolumeFile`, or what that takes. `slab`, `brick` and `options` are those of
+    `adjsplat.dask.build`. A rank that fails ends the build on all ranks, which then raise RuntimeError with its message;
+    nothing is left.
     """
     comm = _world() if comm is None else comm
-    path = path_in_folder(os.fsdecode(out).rstrip("/"))
+    path = _together(comm, lambda: path_in_folder(os.fsdecode(out).rstrip("/")))
+    array = _together(comm, as_volume, array)
 
     def planned() -> tuple[str, str]:
         plan = BrickPlan(array, slab=slab, brick=brick, **options)
@@ -57,11 +60,11 @@ def build(
         scans = range(comm.rank, plan.scans, comm.size)
 
         def scanned(plan: BrickPlan) -> dict[int, str]:
-            return {index: plan.scan(index, np.asarray(array[plan.samples_of(index)]), threads=1) for index in scans}
+            return {index: plan.scan(index, array[plan.samples_of(index)], threads=1) for index in scans}
 
         def built(plan: BrickPlan) -> None:
             for index in own:
-                plan.build(index, np.asarray(array[plan.samples_of(index)]), building, threads=1)
+                plan.build(index, array[plan.samples_of(index)], building, threads=1)
 
         while not _together(comm, plan.__getattribute__, "is_agreed"):
             findings: dict[int, str] = {}
@@ -172,14 +175,19 @@ def _parser() -> argparse.ArgumentParser:
         prog="python -m adjsplat.mpi", description="Builds and draws collections with MPI."
     )
     commands = parser.add_subparsers(dest="command", required=True)
-    building = commands.add_parser("build", help="build a collection of a .npy file or a zarr array")
-    building.add_argument("input", metavar="VOLUME")
+    building = commands.add_parser("build", help="build a collection of a volume")
+    building.add_argument(
+        "input", metavar="VOLUME", help="a .npy file, or what adj build reads: zarr, a folder of slices ..."
+    )
     building.add_argument("-o", "--output", required=True, metavar="OUT.adjs")
     building.add_argument("--slab", type=int, required=True, metavar="SLICES", help="slices of a brick along z")
     visible = building.add_mutually_exclusive_group(required=True)
     visible.add_argument("--visible", type=_range, metavar="LOW..HIGH", help="values to show; an end may be left out")
     visible.add_argument("--transfer", metavar="FILE|PRESET", help="a transfer function")
     building.add_argument("--partition", default="z", choices=["z", "xyz"], help="axes across which slabs are cut")
+    building.add_argument(
+        "--preview", type=int, metavar="N", help="points along an axis that a voxel of the preview stands for"
+    )
     building.add_argument("--lanes", default="xyz", choices=["x", "xy", "xyz"])
     drawing = commands.add_parser("render", help="draw a picture of a collection")
     drawing.add_argument("input", metavar="IN.adjs")
@@ -209,7 +217,7 @@ def _run(arguments: argparse.Namespace, comm: Any) -> str:
     if arguments.command == "build":
         volume = _together(comm, lambda: _opened(arguments.input))
         chosen = {"visible": arguments.visible} if arguments.visible else {"transfer": arguments.transfer}
-        chosen |= {name: getattr(arguments, name) for name in ("slab", "partition", "lanes")}
+        chosen |= {name: getattr(arguments, name) for name in ("slab", "partition", "preview", "lanes")}
         bricks = build(volume, arguments.output, comm=comm, **chosen)
         return f"{arguments.output}: {len(bricks.bricks)} bricks, {bricks.count} visible voxels"
     bricks = _together(comm, lambda: Collection(arguments.input, partial=arguments.partial))
@@ -230,7 +238,7 @@ def _run(arguments: argparse.Namespace, comm: Any) -> str:
 def _opened(path: str) -> Any:
     if path.endswith(".npy"):
         return np.load(path, mmap_mode="r")
-    return needed("zarr", "reading zarr arrays").open_array(path, mode="r")
+    return VolumeFile(path)
 
 
 def main(words: Sequence[str] | None = None) -> int:

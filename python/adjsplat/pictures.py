@@ -49,7 +49,7 @@ def compare(reference: Any, picture: Any, *, background: Any = "white") -> Metri
     >>> adj.compare(a, adj.render(f, size=(64, 64))).psnr > 35
     True
     """
-    found = _native.compare(_linear(reference), _linear(picture), linear_colour(background).tolist())
+    found = _native.compare(linear_picture(reference), linear_picture(picture), linear_colour(background).tolist())
     found["max_at"] = tuple(found["max_at"])
     return Metrics(**found)
 
@@ -60,7 +60,7 @@ def save(path: str | os.PathLike[str], pictures: Any) -> None:
     `pictures` is an array as `render` returns it, or an iterable of such. The file appears whole or not at all.
     """
     several = [pictures] if isinstance(pictures, np.ndarray) and pictures.ndim == 3 else list(pictures)
-    _native.write_pictures(os.fsdecode(path), [_linear(picture) for picture in several])
+    _native.write_pictures(os.fsdecode(path), [linear_picture(picture) for picture in several])
 
 
 def over(picture: np.ndarray, behind: np.ndarray) -> np.ndarray:
@@ -103,7 +103,7 @@ def _decoded(encoded: np.ndarray) -> np.ndarray:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
-def _linear(picture: Any) -> np.ndarray:
+def linear_picture(picture: Any) -> np.ndarray:
     """Returns a picture as linear premultiplied numbers, contiguous."""
     if isinstance(picture, (str, os.PathLike)):
         return _native.read_picture(os.fsdecode(picture))

@@ -31,10 +31,20 @@ fn resources(memory: Option<u64>, threads: Option<usize>, folder: PathBuf) -> Py
 impl Plan {
     /// Plans bricks, for each partition of at most so many points (x, y, z), of a volume that need not have samples yet; `transfer` is JSON.
     #[new]
-    fn new(source: &Source, transfer: &str, packing: Packing, bricks: Vec<[u32; 3]>) -> PyResult<Plan> {
+    fn new(
+        source: &Source,
+        transfer: &str,
+        packing: Packing,
+        bricks: Vec<[u32; 3]>,
+        preview: Option<u32>,
+    ) -> PyResult<Plan> {
         let options: BuildOptions = packing.options(parsed(transfer)?);
         let header = source.volume().header().clone();
-        collection::Plan::new(&header, options, &bricks).map(Plan).map_err(exception)
+        let plan = collection::Plan::new(&header, options, &bricks).map_err(exception)?;
+        Ok(Plan(match preview {
+            Some(every) => plan.with_preview(every),
+            None => plan,
+        }))
     }
 
     /// Reads the text of `to_json`.
@@ -108,7 +118,10 @@ impl Plan {
 
     /// Makes a collection of the bricks in `folder`.
     fn finish(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
-        py.detach(|| self.0.finish(&folder)).map(drop).map_err(exception)
+        let raised = crate::watch::Raised::default();
+        let mut watch = Watch::new(None, raised.clone());
+        let finished = py.detach(|| self.0.finish(&folder, &mut watch));
+        raised.or(finished).map(drop)
     }
 
     /// Returns what a user should know of the samples, one line each.
@@ -158,13 +171,20 @@ impl Collection {
         entries.map(|entry| (entry.low, entry.size, entry.visible_voxels, entry.file.clone())).collect()
     }
 
-    /// What is wrong with bricks, one line each.
+    /// What is wrong with bricks and the preview, one line each.
     #[getter]
     fn faults(&self) -> Vec<String> {
-        self.0.faults().iter().map(ToString::to_string).collect()
+        self.0.faults().iter().chain(self.0.preview_fault()).map(ToString::to_string).collect()
     }
 
-    /// Checks every byte of every brick; returns what is wrong, one line each.
+    /// The name of the preview's file; None if there is none that can be used.
+    #[getter]
+    fn preview(&self) -> Option<String> {
+        let usable = self.0.preview().and(self.0.manifest().preview.as_ref());
+        usable.map(|preview| preview.file.clone())
+    }
+
+    /// Checks every byte of every brick and of the preview; returns what is wrong, one line each.
     fn check(&self, py: Python<'_>) -> Vec<String> {
         py.detach(|| self.0.check().iter().map(ToString::to_string).collect())
     }
@@ -251,6 +271,7 @@ pub(crate) fn split(
     model: &Model,
     path: PathBuf,
     bricks: Vec<[u32; 3]>,
+    preview: Option<u32>,
     memory: Option<u64>,
     threads: Option<usize>,
 ) -> PyResult<()> {
@@ -262,7 +283,7 @@ pub(crate) fn split(
         let dims = arena.facts().grid.dims;
         let partitions =
             bricks.iter().map(|&size| Partition::into_boxes(dims, size)).collect::<adjsplat::Result<Vec<_>>>()?;
-        collection::split(&arena, &partitions, &path, memory, threads, &mut watch)
+        collection::split(&arena, &partitions, preview, &path, memory, threads, &mut watch)
     });
     raised.or(done).map(drop)
 }

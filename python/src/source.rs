@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::phantom::Phantom;
-use adjsplat::volume::{Grid, Header, Sample, SampleType, Samples, SlabSource};
+use adjsplat::volume::{Grid, Header, PartSource, Sample, SampleType, Samples, SlabSource};
 use adjsplat::{TransferFunction, with_samples};
 use adjsplat_readers::{AdjustedSource, OpenOptions, RawOptions, open_slices, parse_type};
 use numpy::{Element, PyArray2, PyArrayMethods};
@@ -150,9 +150,16 @@ pub(crate) struct Reading {
     unscaled: bool,
 }
 
-/// Opens the volume in `files`, or the computed volume `phantom:NAME`.
+/// Opens the volume in `files`, or the computed volume `phantom:NAME`; with `part`, a lowest point and a size (x, y, z), that
+/// box of it.
 #[pyfunction]
-pub(crate) fn file_source(py: Python<'_>, files: Vec<PathBuf>, reading: Reading, place: Place) -> PyResult<Source> {
+pub(crate) fn file_source(
+    py: Python<'_>,
+    files: Vec<PathBuf>,
+    reading: Reading,
+    place: Place,
+    part: Option<[[u32; 3]; 2]>,
+) -> PyResult<Source> {
     let opened = || -> Result<(Box<dyn SlabSource>, Option<TransferFunction>)> {
         let (source, transfer) = match phantom(&files)? {
             Some(phantom) => {
@@ -173,7 +180,10 @@ pub(crate) fn file_source(py: Python<'_>, files: Vec<PathBuf>, reading: Reading,
             place.set(&mut header.grid);
         });
         adjusted.header().grid.check()?;
-        Ok((Box::new(adjusted), transfer))
+        Ok(match part {
+            Some([low, size]) => (Box::new(PartSource::new(adjusted, low, size)?) as Box<dyn SlabSource>, transfer),
+            None => (Box::new(adjusted), transfer),
+        })
     };
     let (volume, own_transfer) = py.detach(opened).map_err(exception)?;
     Ok(Source { own_transfer, ..Source::new(volume, Raised::default()) })

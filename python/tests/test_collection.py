@@ -122,6 +122,148 @@ def test_a_plan_refuses_samples_of_another_place(tmp_path):
         plan.finish(tmp_path)
 
 
+def test_of_two_builds_of_one_collection_one_says_that_it_is_there(tmp_path):
+    array = blob()
+    plan = adj.BrickPlan(array, visible=(60, None), slab=5)
+    plan = plan.agree([plan.scan(k, array[plan.samples_of(k)]) for k in range(plan.scans)])
+    folders = [adj.collection.building_folder(str(tmp_path / "a.adjs")) for _ in range(2)]
+    for folder in folders:
+        for k in range(plan.count):
+            plan.build(k, array[plan.samples_of(k)], folder)
+    first = adj.collection.finished(plan, folders[0], str(tmp_path / "a.adjs"))
+    with pytest.raises(FileExistsError, match="is there already"):
+        adj.collection.finished(plan, folders[1], str(tmp_path / "a.adjs"))
+    assert first.verify() == []
+
+
+def test_findings_of_an_earlier_scan_are_refused():
+    array = blob(dtype=np.float32)
+    plan = adj.BrickPlan(array, visible=(60, None), slab=10)
+    found = [plan.scan(k, array[plan.samples_of(k)]) for k in range(plan.scans)]
+    with pytest.raises(ValueError, match="scan brick 1 too"):
+        plan.agree(found[:1])
+    with pytest.raises(ValueError, match="twice"):
+        plan.agree([found[0], found[0]])
+    with pytest.raises(ValueError, match="another plan, or of an earlier scan"):
+        plan.agree(found).agree(found)
+
+
+def test_a_preview_is_a_model_of_its_own(tmp_path):
+    array = blob((40, 40, 40))
+    bricks = adj.dask.build(array, tmp_path / "a.adjs", slab=7, preview=4, visible=(60, None), spacing=(1, 1, 2))
+    coarse = bricks.preview
+    assert (coarse.shape, list(coarse.spacing)) == ((10, 10, 10), [4, 4, 8])
+    assert coarse.count == (array[::4, ::4, ::4] >= 60).sum()
+    whole = adj.build(array, visible=(60, None), spacing=(1, 1, 2))
+    assert (
+        adj.split(whole, tmp_path / "b.adjs", slab=13, preview=4).preview._native.to_bytes()
+        == coarse._native.to_bytes()
+    )
+    assert adj.split(whole, tmp_path / "c.adjs", slab=13).preview is None
+    with pytest.raises(ValueError, match="preview is 0"):
+        adj.split(whole, tmp_path / "d.adjs", slab=13, preview=0)
+    os.remove(tmp_path / "a.adjs" / "preview.adj")
+    without = adj.Collection(tmp_path / "a.adjs")
+    assert without.preview is None and len(without.faults) == 1 and "preview.adj" in without.faults[0]
+    assert without.join(tmp_path / "joined.adj").count == whole.count
+
+
+def test_pictures_of_parts_are_put_together(file, tmp_path):
+    bricks = adj.split(adj.open(file), tmp_path / "a.adjs", slab=5)
+    near = np.zeros((4, 5, 4), np.float32)
+    near[..., 3] = 0.5
+    far = np.ones((4, 5, 4), np.float32)
+    assert np.allclose(adj.composite([near, far])[0, 0], [0.5, 0.5, 0.5, 1])
+    assert np.allclose(adj.composite([near, far], mode="xray")[0, 0], [1, 1, 1, 1])
+    picture = bricks.render(size=(20, 30))
+    adj.save(tmp_path / "a.exr", picture)
+    assert np.array_equal(adj.composite([tmp_path / "a.exr"]), picture)
+    with pytest.raises(ValueError, match="different sizes"):
+        adj.composite([near, picture])
+    with pytest.raises(ValueError, match="no pictures"):
+        adj.composite([])
+    with pytest.raises(ValueError, match="composite and xray"):
+        adj.composite([near], mode="maximum")
+
+
+def raw_slices(array, folder):
+    for z, plane in enumerate(array):
+        plane.astype(">u2").tofile(folder / f"slice{z}.raw")
+    return adj.VolumeFile(str(folder / "*.raw"), shape=array.shape, dtype=">u2")
+
+
+def tiff_slices(array, folder):
+    tifffile = pytest.importorskip("PIL.Image")
+    for z, plane in enumerate(array):
+        tifffile.fromarray(plane.astype(np.uint16)).save(folder / f"slice{z}.tif")
+    return str(folder)
+
+
+def dicom_slices(array, folder):
+    itk = pytest.importorskip("SimpleITK")
+    for z, plane in enumerate(array):
+        image = itk.GetImageFromArray(plane[None].astype(np.int16))
+        keys = {"0008|0060": "CT", "0020|000e": "1.2.3.4", "0020|0032": f"0\\0\\{2 * z}", "0020|0013": str(z)}
+        keys |= {"0028|1053": "2", "0028|1052": "-100", "0020|0037": "1\\0\\0\\0\\1\\0"}
+        for key, value in keys.items():
+            image.SetMetaData(key, value)
+        writer = itk.ImageFileWriter()
+        writer.KeepOriginalImageUIDOn()
+        writer.SetFileName(str(folder / f"slice{len(array) - z}.dcm"))
+        writer.Execute(image)
+    return folder
+
+
+def ome_zarr(array, folder):
+    zarr = pytest.importorskip("zarr")
+    group = zarr.open_group(str(folder / "a.ome.zarr"), mode="w", zarr_format=2)
+    stored = group.create_array(
+        "0", shape=array.shape, chunks=(5, 9, 11), dtype="u2", chunk_key_encoding={"name": "v2", "separator": "/"}
+    )
+    stored[:] = array
+    axes = [{"name": name, "type": "space", "unit": "micrometer"} for name in "zyx"]
+    scale = [{"type": "scale", "scale": [2.0, 0.5, 0.5]}]
+    datasets = [{"path": "0", "coordinateTransformations": scale}]
+    group.attrs["multiscales"] = [{"version": "0.4", "axes": axes, "datasets": datasets}]
+    return folder / "a.ome.zarr"
+
+
+@pytest.mark.parametrize("stored", [raw_slices, tiff_slices, dicom_slices, ome_zarr])
+def test_dask_builds_the_bytes_of_one_build_of_files(stored, tmp_path):
+    folder = tmp_path / "slices"
+    folder.mkdir()
+    array = blob((17, 24, 28), np.float64).astype(np.uint16) * 5
+    volume = stored(array, folder)
+    options = {"visible": (300, None)}
+    if isinstance(volume, adj.VolumeFile):
+        whole = adj.build(volume._files, tmp_path / "whole.adj", shape=array.shape, dtype=">u2", **options)
+    else:
+        whole = adj.build(volume, tmp_path / "whole.adj", **options)
+    assert 1000 < whole.count < array.size
+    bricks = adj.dask.build(volume, tmp_path / "a.adjs", brick=(4, 11, 13), **options)
+    bricks.join(tmp_path / "joined.adj")
+    assert bytes_of(tmp_path / "joined.adj") == bytes_of(tmp_path / "whole.adj")
+    assert (
+        pickle.loads(pickle.dumps(adj.VolumeFile(volume) if not isinstance(volume, adj.VolumeFile) else volume)).shape
+        == array.shape
+    )
+
+
+def test_parts_of_a_volume_in_files_are_boxes():
+    volume = adj.VolumeFile("phantom:gyroid", shape=(8, 9, 10), dtype="u1")
+    assert volume.shape == (8, 9, 10) and volume[2:5, :, 3:].box == ([3, 0, 2], [7, 9, 3])
+    for box in (3, (slice(0, 2), 1, slice(None)), slice(0, 3)):
+        with pytest.raises(TypeError, match="box of three slices"):
+            volume[box]
+    for box in ((slice(0, 8, 2),) * 3, (slice(5, 3), slice(None), slice(None))):
+        with pytest.raises(ValueError, match="steps of 1"):
+            volume[box]
+    with pytest.raises(TypeError, match="a volume is an array"):
+        adj.dask.build(3, "a.adjs", slab=3, visible=(1, None))
+    with pytest.raises(FileNotFoundError):
+        adj.dask.build("no.nrrd", "a.adjs", slab=3, visible=(1, None))
+
+
 def test_a_worker_that_is_killed_changes_nothing(tmp_path):
     distributed = pytest.importorskip("distributed")
     import signal
@@ -158,6 +300,20 @@ def test_a_worker_that_is_killed_changes_nothing(tmp_path):
     assert killed
     assert bytes_of(tmp_path / "built.adj") == bytes_of(tmp_path / "whole.adj")
     assert {path.name for path in tmp_path.iterdir()} == {"a.zarr", "whole.adj", "built.adj"}
+
+
+def test_the_dashboard_shows_the_steps(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        # Asked for once, it is recorded from then on.
+        client.get_task_stream()
+        bricks = adj.dask.build(blob(), tmp_path / "a.adjs", slab=5, visible=(60, None))
+        adj.dask.render(bricks, (20, 20))
+        names = [distributed.utils.key_split(task["key"]) for task in client.get_task_stream(count=1000)]
+    assert [names.count(step) for step in ("scan", "build", "draw_brick", "put_together")] == [4, 4, 4, 3]
 
 
 def _workers(client):

@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from conftest import blob
+from conftest import REPOSITORY, blob
 
 import adjsplat as adj
 
@@ -62,3 +62,37 @@ def test_a_rank_that_fails_ends_all_with_its_message(tmp_path):
     assert ran.returncode == 2 and brick in ran.stderr and not (tmp_path / "a.png").exists()
     ran = run(2, "render", "a.adjs", "-o", "a.png", "--size", "20x20", "--partial", folder=tmp_path)
     assert ran.returncode == 0 and brick in ran.stderr and (tmp_path / "a.png").exists()
+
+
+def test_the_commands_of_the_page_on_clusters_run(tmp_path):
+    np.save(tmp_path / "volume.npy", blob((100, 90, 80), np.int16) * 5)
+    page = (REPOSITORY / "docs/clusters.md").read_text()
+    lines = [line.strip() for line in page.splitlines() if line.startswith("    mpirun")]
+    assert len(lines) == 2
+    path = os.pathsep.join([os.path.dirname(sys.executable), os.environ["PATH"]])
+    environment = os.environ | ALLOWED | {"OMPI_MCA_rmaps_base_oversubscribe": "1", "PATH": path}
+    for line in lines:
+        subprocess.run(line, shell=True, cwd=tmp_path, env=environment, check=True, timeout=120)
+    assert {path.name for path in tmp_path.iterdir()} == {"volume.npy", "volume.adjs", "volume.png"}
+    whole = adj.build(np.load(tmp_path / "volume.npy"), tmp_path / "whole.adj", visible=(600, None))
+    assert adj.Collection(tmp_path / "volume.adjs").join(tmp_path / "joined.adj").count == whole.count
+    assert (tmp_path / "joined.adj").read_bytes() == (tmp_path / "whole.adj").read_bytes()
+
+
+@pytest.mark.parametrize("partition", ["z", "xyz"])
+def test_a_volume_in_files_is_built_by_ranks_too(partition, tmp_path):
+    array = blob((24, 24, 28), np.int16) * 5
+    (tmp_path / "slices").mkdir()
+    for z, plane in enumerate(array):
+        plane.tofile(tmp_path / "slices" / f"{z}.raw")
+    header = ["NRRD0004", "type: short", "dimension: 3", "sizes: 28 24 24", "encoding: raw", "endian: little"]
+    header.append("data file: %d.raw 0 23 1 2")
+    (tmp_path / "slices" / "a.nhdr").write_text("\n".join(header) + "\n")
+    words = ["build", "slices/a.nhdr", "-o", "a.adjs", "--visible", "300..", "--slab", "5", "--preview", "3"]
+    built = run(3, *words, "--partition", partition, folder=tmp_path)
+    assert built.returncode == 0, built.stderr
+    bricks = adj.Collection(tmp_path / "a.adjs")
+    assert bricks.preview.shape == (8, 8, 10)
+    bricks.join(tmp_path / "a.adj")
+    adj.build(tmp_path / "slices" / "a.nhdr", tmp_path / "whole.adj", visible=(300, None))
+    assert (tmp_path / "a.adj").read_bytes() == (tmp_path / "whole.adj").read_bytes()

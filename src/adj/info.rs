@@ -114,7 +114,8 @@ fn of_collection(collection: &Collection) -> Value {
         "channels": channels(&facts),
         "tile_order": facts.tile_order.name(),
         "bricks": bricks,
-        "faults": collection.faults().iter().map(one_line).collect::<Vec<_>>(),
+        "preview": manifest.preview,
+        "faults": collection.faults().iter().chain(collection.preview_fault()).map(one_line).collect::<Vec<_>>(),
         "description": serde_json::from_str::<Value>(manifest.description()).unwrap_or(Value::Null),
     })
 }

@@ -4,12 +4,14 @@
 //! 2: an error or wrong usage, in one line that says what to do.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program prints")]
 
+mod brick;
 mod build;
 mod classification;
 mod compare;
 #[cfg(all(unix, feature = "gpu"))]
 mod complaints;
 mod completions;
+mod composite;
 mod cull;
 #[cfg(unix)]
 mod cut_file;
@@ -80,10 +82,12 @@ enum Command {
     Trim(Box<trim::Arguments>),
     Split(split::Arguments),
     Join(join::Arguments),
+    Brick(brick::Arguments),
     Export(Box<export::Arguments>),
     Render(Box<render::Arguments>),
     View(view::Arguments),
     Serve(serve::Arguments),
+    Composite(composite::Arguments),
     Compare(compare::Arguments),
     Demo(demo::Arguments),
     #[cfg(feature = "gpu")]
@@ -124,10 +128,12 @@ fn run(command: &Command) -> Result<Answer> {
         Command::Trim(arguments) => trim::run(arguments),
         Command::Split(arguments) => split::run(arguments),
         Command::Join(arguments) => join::run(arguments),
+        Command::Brick(arguments) => brick::run(arguments),
         Command::Export(arguments) => export::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::View(arguments) => view::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),
+        Command::Composite(arguments) => composite::run(arguments),
         Command::Compare(arguments) => compare::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),
         #[cfg(feature = "gpu")]

@@ -67,6 +67,13 @@ pub(super) struct Arguments {
     /// Draw a collection brick by brick, each in its place, instead of joining it first: for what memory does not hold
     #[arg(long)]
     bricks: bool,
+    /// With --bricks: draw part K of N, counted from 1, the nearest. Each part is a transparent picture; adj composite puts
+    /// parts 1 to N together
+    #[arg(long, value_name = "K/N", requires = "bricks", value_parser = part)]
+    part: Option<[usize; 2]>,
+    /// Draw the preview of a collection: the whole with fewer voxels
+    #[arg(long, conflicts_with_all = ["bricks", "partial"])]
+    preview: bool,
     /// Draw a collection without the bricks that are missing or damaged, and name them
     #[arg(long)]
     partial: bool,
@@ -85,6 +92,13 @@ pub(super) struct Arguments {
     reading: InputArguments,
     #[command(flatten)]
     renderer: RendererArguments,
+}
+
+/// Parses a part of several: `2/4`.
+fn part(text: &str) -> Result<[usize; 2], String> {
+    let numbers =
+        text.split_once('/').and_then(|(part, parts)| Some([part.trim().parse().ok()?, parts.trim().parse().ok()?]));
+    numbers.filter(|[part, parts]| (1..=*parts).contains(part)).ok_or_else(|| "must be a part of several: 2/4".into())
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
@@ -106,8 +120,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     settings.clip = arguments.view.clip;
     let memory = arguments.memory;
     let is_collection = Collection::is_at(input.path());
-    for (flag, given) in [("--bricks", arguments.bricks), ("--partial", arguments.partial)] {
+    let flags = [("--bricks", arguments.bricks), ("--partial", arguments.partial), ("--preview", arguments.preview)];
+    for (flag, given) in flags {
         if given && !is_collection {
+            std::fs::metadata(input.path()).map_err(Error::io("open", input.path()))?;
             return Err(Error::input(flag, "is for collections, which are folders NAME.adjs; leave it out"));
         }
     }

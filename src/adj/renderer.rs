@@ -89,8 +89,8 @@ pub(super) enum Renderer<'a> {
     #[cfg(feature = "gpu")]
     Gpu(Box<OnDevice<'a>>),
     Reference(Box<Judge>),
-    /// A collection, brick by brick, with the transfer function of the whole.
-    Bricks(&'a Collection, TransferFunction),
+    /// A collection, brick by brick, with the transfer function of the whole; and which part of how many to draw, from 1.
+    Bricks(&'a Collection, TransferFunction, [usize; 2]),
 }
 
 impl RendererArguments {
@@ -186,7 +186,13 @@ impl<'a> Renderer<'a> {
             return judged(judge, camera, settings);
         }
         let (frame, stats) = match self {
-            Renderer::Bricks(collection, transfer) => collection.render(transfer, camera, settings)?,
+            Renderer::Bricks(collection, transfer, [part, parts]) => {
+                let order = collection.front_to_back(camera, settings)?;
+                let end = |part: usize| order.len() as u128 * part as u128 / *parts as u128;
+                let [first, last] =
+                    [end(*part - 1), end(*part)].map(|at| usize::try_from(at).expect("within the list"));
+                collection.render_bricks(&order[first..last], transfer, camera, settings)?
+            }
             _ => cpu::render(self.scene()?, camera, settings)?,
         };
         let others = vec![("walk_ms", json!(stats.walk_ms)), ("draw_ms", json!(stats.draw_ms))];

@@ -8,12 +8,11 @@ use serde_json::json;
 
 use super::progress::Progress;
 use super::resources::ResourceArguments;
-use super::values::{choice, number};
+use super::values::{Choice, choice, number};
 use super::{Answer, print_result};
 use adjsplat::collection::{Partition, split};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::AdjFile;
-use adjsplat::volume::Axis;
 
 /// Split an .adj file into a collection: a folder of bricks, each an .adj file of its own
 ///
@@ -30,11 +29,7 @@ pub(super) struct Arguments {
     #[arg(short, long, value_name = "OUT.adjs")]
     output: PathBuf,
     #[command(flatten)]
-    bricks: BrickArguments,
-    /// Axes across which slabs are cut. With xyz every voxel is stored three times, and pictures brick by brick are exact
-    /// from every side
-    #[arg(long, value_name = "AXES", default_value = "z", requires = "slab", value_parser = choice([("z", false, ""), ("xyz", true, "")]))]
-    partition: bool,
+    cuts: CutArguments,
     /// Do not check the input first: faster, but damage may pass into the output
     #[arg(long)]
     no_verify: bool,
@@ -46,6 +41,43 @@ pub(super) struct Arguments {
     quiet: bool,
     #[command(flatten)]
     resources: ResourceArguments,
+}
+
+/// The flags for how a volume is cut.
+#[derive(Debug, Args)]
+pub(super) struct CutArguments {
+    #[command(flatten)]
+    bricks: BrickArguments,
+    /// Axes across which slabs are cut. With xyz every voxel is stored three times, and pictures brick by brick are exact
+    /// from every side
+    #[arg(long, value_name = "AXES", default_value = "z", conflicts_with = "brick", value_parser = choice(PARTITIONS))]
+    partition: PartitionChoice,
+    /// Points along an axis that a voxel of the preview stands for; 1 makes no preview. By default the preview has at most
+    /// 16 million voxels, and there is none if the whole has no more
+    #[arg(long, value_name = "N", value_parser = number(1..=65_535u32))]
+    pub(super) preview: Option<u32>,
+}
+
+/// Values of `--partition`.
+const PARTITIONS: [Choice<PartitionChoice>; 2] = [("z", PartitionChoice::Z, ""), ("xyz", PartitionChoice::AllAxes, "")];
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum PartitionChoice {
+    Z,
+    AllAxes,
+}
+
+impl CutArguments {
+    /// Returns for each partition the most points of a brick along x, y, z; 0 where an axis is not cut.
+    pub(super) fn sizes(&self) -> Vec<[u32; 3]> {
+        match (self.bricks.brick, self.bricks.slab.unwrap_or(0)) {
+            (Some(size), _) => vec![size],
+            (None, slab) if self.partition == PartitionChoice::AllAxes => {
+                vec![[0, 0, slab], [0, slab, 0], [slab, 0, 0]]
+            }
+            (None, slab) => vec![[0, 0, slab]],
+        }
+    }
 }
 
 /// The flags for how large bricks are.
@@ -72,15 +104,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     if !arguments.no_verify {
         arena.check().map_err(|fault| Error::Format { path: arguments.input.clone(), fault })?;
     }
-    let (dims, BrickArguments { slab, brick }) = (arena.facts().grid.dims, &arguments.bricks);
-    let partitions = match (brick, slab.unwrap_or(0)) {
-        (Some(size), _) => vec![Partition::into_boxes(dims, *size)?],
-        (None, slab) if arguments.partition => Partition::into_slabs_of_all_axes(dims, slab)?.into(),
-        (None, slab) => vec![Partition::into_slabs(dims, Axis::Z, slab)?],
-    };
+    let boxes = |size| Partition::into_boxes(arena.facts().grid.dims, size);
+    let partitions = arguments.cuts.sizes().into_iter().map(boxes).collect::<Result<Vec<_>>>()?;
     let (memory, threads) = (Some(arguments.resources.memory()), arguments.resources.threads());
     let mut progress = Progress::new(arguments.quiet);
-    let collection = split(&arena, &partitions, &arguments.output, memory, threads, &mut progress)?;
+    let collection =
+        split(&arena, &partitions, arguments.cuts.preview, &arguments.output, memory, threads, &mut progress)?;
     drop(progress);
     let (path, bricks) = (arguments.output.display(), collection.bricks());
     let files = bricks.iter().filter(|brick| brick.file.is_some()).count();

@@ -79,7 +79,8 @@ fn check_collection(path: &Path, as_json: bool) -> Result<bool> {
     let start = Instant::now();
     let collection = Collection::open(path)?;
     let found = collection.check();
-    let faults: Vec<String> = collection.faults().iter().chain(&found).map(one_line).collect();
+    let faults: Vec<String> =
+        collection.faults().iter().chain(collection.preview_fault()).chain(&found).map(one_line).collect();
     let (name, bricks) = (path.display().to_string(), collection.bricks().len());
     if as_json {
         let report = json!({ "file": name, "sound": faults.is_empty(), "bricks": bricks, "faults": faults });
@@ -88,7 +89,11 @@ fn check_collection(path: &Path, as_json: bool) -> Result<bool> {
         print_result(&format!("{name}: sound ({bricks} bricks, {:.2} s)", start.elapsed().as_secs_f64()));
     } else {
         faults.iter().for_each(|fault| print_result(fault));
-        print_result(&format!("{name}: not sound: {} of {bricks} bricks", faults.len()));
+        let files = match &collection.manifest().preview {
+            Some(_) => format!("{bricks} bricks and a preview"),
+            None => format!("{bricks} bricks"),
+        };
+        print_result(&format!("{name}: not sound: {} of {files}", faults.len()));
     }
     Ok(faults.is_empty())
 }

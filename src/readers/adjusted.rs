@@ -33,6 +33,10 @@ impl SlabSource for AdjustedSource {
         self.inner.read_slice(slice)
     }
 
+    fn skip_slices(&mut self, count: u32) -> Result<()> {
+        self.inner.skip_slices(count)
+    }
+
     fn rewind(&mut self) -> Result<()> {
         self.inner.rewind()
     }

@@ -199,6 +199,24 @@ impl SlabSource for SlabReader {
         Ok(())
     }
 
+    /// Seeks in plain samples; unpacks packed ones and text. Does not open files that are passed over as a whole.
+    fn skip_slices(&mut self, count: u32) -> Result<()> {
+        let header = &self.plan.header;
+        let (samples, width) = (u64::from(count) * header.grid.slice_len(), header.sample_type.bytes() as u64);
+        self.lost = true;
+        if samples > self.left {
+            let beyond = samples - self.left;
+            let files = usize::try_from(beyond / self.file_samples).unwrap_or(usize::MAX);
+            self.open_file(self.file_index.saturating_add(1).saturating_add(files), beyond % self.file_samples)?;
+        } else if let Some(stream) = &mut self.stream {
+            stream.skip_samples(samples, width)?;
+            self.left -= samples;
+        }
+        self.slices_read += count;
+        self.lost = false;
+        Ok(())
+    }
+
     fn rewind(&mut self) -> Result<()> {
         let first = self.plan.volume_index * self.plan.header.grid.points();
         let file = usize::try_from(first / self.file_samples).unwrap_or(usize::MAX);

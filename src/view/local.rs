@@ -5,7 +5,7 @@ use std::path::Path;
 
 use adjsplat::build::{Histogram, Observer, Phase as BuildPhase, Suggestion};
 use adjsplat::collection::Collection;
-use adjsplat::error::Result;
+use adjsplat::error::{Error, Result};
 use adjsplat::volume::SlabSource;
 use adjsplat::{Build, Model};
 use adjsplat_readers::OpenOptions;
@@ -16,8 +16,20 @@ use crate::open::{Phase, Progress};
 /// Returns the model of a file, and whether that is an `.adj` file.
 pub(crate) fn open(path: &Path, progress: &Progress, context: &Context) -> Result<(Model, bool)> {
     let is_adj = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("adj")) || Collection::is_at(path);
-    let model = if is_adj { Model::open(path)? } else { build(path, &mut Watch { progress, context })? };
+    let model = if is_adj { open_adj(path)? } else { build(path, &mut Watch { progress, context })? };
     Ok((model, is_adj))
+}
+
+/// Opens an `.adj` file or a collection; of a collection that memory does not hold, its preview.
+fn open_adj(path: &Path) -> Result<Model> {
+    match Model::open(path) {
+        Err(fault @ Error::Limit { .. }) if Collection::is_at(path) => {
+            let collection = Collection::open(path)?;
+            let preview = collection.preview().ok_or(fault)?;
+            Model::open(preview.path())
+        }
+        opened => opened,
+    }
 }
 
 fn build(path: &Path, watch: &mut Watch<'_>) -> Result<Model> {

@@ -26,6 +26,15 @@ fn a_split_file_joins_to_its_bytes_and_every_command_takes_it() {
     folder.adj("split a.adj -o slabs.adjs --slab 5").done();
     assert_eq!(folder.adj("join slabs.adjs -o c.adj --memory 64MiB --threads 1 --json").json()["bricks"], 4);
     assert!(bytes(&folder, "a.adj") == bytes(&folder, "c.adj"));
+    // Every voxel three times, in slabs across z, y and x.
+    let told = folder.adj("split a.adj -o three.adjs --slab 10 --partition xyz --json").json();
+    assert_eq!(
+        (&told["bricks"], &told["visible_voxels"]),
+        (&7.into(), &folder.adj("info a.adj --json").json()["visible_voxels"])
+    );
+    folder.adj("join three.adjs -o c.adj").done();
+    assert!(bytes(&folder, "a.adj") == bytes(&folder, "c.adj"));
+    folder.adj("split a.adj -o d.adjs --brick 9x9x9 --partition xyz").refused(&["--brick", "--partition"]);
     assert!(folder.adj("verify a.adjs a.adj").done().contains("a.adjs: sound (8 bricks"));
     let [one, other] = ["info a.adj --json", "info a.adjs --json"].map(|line| folder.adj(line).json());
     for name in ["dims", "spacing", "origin", "direction", "visible_voxels", "visible_share", "channels", "description"]
@@ -119,4 +128,184 @@ fn what_is_no_collection_is_refused_and_nothing_is_replaced() {
         folder.adj(line).refused(&["collection.json", "missing field"]);
     }
     assert_eq!(folder.names(), ["a.adj", "a.adjs", "empty.adjs", "text"]);
+}
+
+#[test]
+fn steps_in_processes_of_their_own_give_the_bytes_of_one_build() {
+    let folder = Folder::new();
+    let volume = "phantom:gyroid --dims 24x20x16 --type f32";
+    let chosen = "--range 90..";
+    folder.adj(&format!("build {volume} {chosen} -q -o whole.adj")).done();
+    let told =
+        folder.adj(&format!("brick plan {volume} {chosen} --slab 5 --partition xyz --preview 2 -o plan.json")).done();
+    assert!(told.contains("4 bricks to scan, 13 to build"), "{told}");
+    let mut plan = "plan.json".to_owned();
+    for round in 1.. {
+        for brick in 0..4 {
+            folder.adj(&format!("brick scan {plan} {brick} {volume} -o found-{brick}.json")).done();
+        }
+        let next = format!("plan-{round}.json");
+        let found: Vec<String> = (0..4).map(|brick| format!("found-{brick}.json")).collect();
+        let agreed = folder.adj(&format!("brick agree {plan} {} -o {next}", found.join(" ")));
+        plan = next;
+        if agreed.code == Some(0) {
+            break;
+        }
+        assert!(agreed.code == Some(1) && agreed.stdout.contains("scan all bricks once more"), "{}", agreed.stderr);
+        assert!(round < 3, "scans come to an end");
+    }
+    for brick in (0..13).rev() {
+        folder.adj(&format!("brick build {plan} {brick} {volume} -o a.adjs")).done();
+    }
+    folder.adj("info a.adjs").refused(&["a.adjs", "has no collection.json"]);
+    assert!(folder.adj(&format!("brick finish {plan} a.adjs")).done().contains("13 bricks"));
+    folder.adj(&format!("brick finish {plan} a.adjs")).done();
+    folder.adj("verify a.adjs").done();
+    folder.adj("join a.adjs -o joined.adj").done();
+    assert!(bytes(&folder, "whole.adj") == bytes(&folder, "joined.adj"));
+    assert_eq!(folder.adj("info a.adjs --json").json()["preview"]["every"], 2);
+    assert_eq!(folder.adj("info a.adjs/preview.adj --json").json()["dims"], serde_json::json!([12, 10, 8]));
+    folder.adj("render a.adjs --preview -o a.png --size 30x30 --renderer cpu").done();
+
+    // A brick that is lost is built again, alone.
+    std::fs::remove_file(folder.file("a.adjs/brick-1-00000-00005-00000.adj")).expect("it is there");
+    let lost = folder.adj("join a.adjs -o again.adj");
+    assert!(lost.code == Some(2) && lost.stderr.contains("1 of 13 bricks cannot be used"), "{}", lost.stderr);
+    folder.adj(&format!("brick build {plan} 5 {volume} -o a.adjs")).done();
+    folder.adj("verify a.adjs").done();
+}
+
+#[test]
+fn a_step_with_wrong_input_is_refused_and_writes_nothing() {
+    let folder = Folder::new();
+    let volume = "phantom:gyroid --dims 24x20x16";
+    folder.adj(&format!("brick plan {volume} --slab 8 -o plan.json")).done();
+    folder.adj(&format!("brick scan plan.json 0 {volume} -o found-0.json")).done();
+    folder.adj(&format!("brick scan plan.json 2 {volume} -o f.json")).refused(&["2 does not exist; there are 2"]);
+    folder
+        .adj("brick scan plan.json 1 phantom:gyroid --dims 24x20x9 -o f.json")
+        .refused(&["[24, 20, 9]", "[24, 20, 16]"]);
+    folder.adj(&format!("brick scan plan.json 1 {volume} --type u16 -o f.json")).refused(&["another type or scale"]);
+    folder.adj(&format!("brick scan plan.json 1 {volume} -o plan.json")).refused(&["--output", "is an input too"]);
+    folder.adj(&format!("brick scan found-0.json 1 {volume} -o f.json")).refused(&["found-0.json", "missing field"]);
+    folder.adj(&format!("brick build plan.json 1 {volume} -o a.adjs")).refused(&["not agreed yet"]);
+    folder.adj("brick agree plan.json found-0.json -o f.json").refused(&["scan brick 1 too"]);
+    folder.adj("brick agree plan.json found-0.json found-0.json -o f.json").refused(&["are there twice"]);
+    folder.adj("brick agree plan.json plan.json -o f.json").refused(&["plan.json", "missing field"]);
+    folder.adj("brick finish plan.json a.adjs").refused(&["not agreed yet"]);
+    folder.adj(&format!("brick scan plan.json 1 {volume} -o found-1.json")).done();
+    folder.adj("brick agree plan.json found-0.json found-1.json -o agreed.json").done();
+    folder.adj("brick finish agreed.json a.adjs").refused(&["a.adjs"]);
+    folder
+        .adj(&format!("brick build agreed.json 1 {volume} -o no/a.adjs"))
+        .refused(&["cannot create the folder no/a.adjs"]);
+    folder
+        .adj(&format!("brick build agreed.json 1 {volume} -o plan.json"))
+        .refused(&["cannot create the folder plan.json"]);
+    folder.adj("brick plan no.nrrd --range 3.. --slab 4 -o p.json").refused(&["no.nrrd"]);
+    let names = folder.names();
+    assert_eq!(names, ["a.adjs", "agreed.json", "found-0.json", "found-1.json", "plan.json"]);
+    assert!(std::fs::read_dir(folder.file("a.adjs")).expect("it is there").next().is_none());
+    folder.adj(&format!("brick build agreed.json 1 {volume} -o a.adjs")).done();
+    folder.adj("brick finish agreed.json a.adjs").refused(&["visible voxels are there", "have any of: 0"]);
+    folder.adj(&format!("brick build agreed.json 0 {volume} -o a.adjs")).done();
+    // A brick of other cuts has the name of ours.
+    let first = "a.adjs/brick-0-00000-00000-00000.adj";
+    folder.adj(&format!("build {volume} -q -o other.adj")).done();
+    std::fs::copy(folder.file("other.adj"), folder.file(first)).expect("it can be written");
+    folder.adj("brick finish agreed.json a.adjs").refused(&[first, "is of another plan; build this brick again"]);
+    folder.adj(&format!("brick build agreed.json 0 {volume} -o a.adjs")).done();
+    folder.adj("brick finish agreed.json a.adjs").done();
+}
+
+#[test]
+fn parts_of_a_picture_composite_to_the_whole() {
+    let folder = Folder::new();
+    split(&folder);
+    let view = "--size 60x50 --azimuth 30 --elevation 20 --perspective 40";
+    for (mode, more) in [("composite", ""), ("xray", "--exposure 0.7")] {
+        let view = format!("{view} --mode {mode} {more}");
+        folder.adj(&format!("render a.adjs --bricks -o whole.exr {view} --background transparent")).done();
+        for part in 1..=3 {
+            folder.adj(&format!("render a.adjs --bricks --part {part}/3 -o {part}.exr {view}")).done();
+        }
+        folder.adj(&format!("composite 1.exr 2.exr 3.exr --mode {mode} -o parts.exr")).done();
+        // The same sums in another order.
+        let compared = folder.adj("compare whole.exr parts.exr --json").json();
+        assert!(compared["max_abs"].as_f64().is_some_and(|most| most < 1e-5), "{compared}");
+    }
+    folder.adj("composite 1.exr 2.exr -o over.png --background white").done();
+    folder.adj("render a.adjs --bricks --part 1/2 -o small.exr --size 20x20").done();
+    folder
+        .adj("composite 1.exr small.exr -o b.exr")
+        .refused(&["small.exr", "is 20x20, but the first picture is 60x50"]);
+    folder.adj("composite 1.exr 2.exr -o 2.exr").refused(&["2.exr", "is the output too"]);
+    folder.adj("composite 1.exr no.exr -o b.exr").refused(&["no.exr"]);
+    folder.adj("composite 1.exr 2.exr -o b.txt").refused(&["b.txt"]);
+    folder.adj("render a.adjs --bricks --part 3/2 -o b.exr").refused(&["--part", "2/4"]);
+    folder.adj("render a.adjs --part 1/2 -o b.exr").refused(&["--bricks"]);
+    folder
+        .adj("render a.adjs --bricks --part 1/2 -o b.exr --background white")
+        .refused(&["--background", "adj composite"]);
+    folder.adj("render a.adjs --preview -o b.exr").refused(&["has no preview"]);
+    folder.adj("render a.adj --preview -o b.exr").refused(&["--preview", "collections"]);
+    assert!(!folder.names().iter().any(|name| name.starts_with("b.")));
+}
+
+#[test]
+fn of_64_bricks_one_missing_one_cut_and_one_of_other_codes_are_named() {
+    let folder = Folder::new();
+    folder.adj("build phantom:gyroid --dims 32x32x32 -q -o a.adj").done();
+    assert_eq!(folder.adj("split a.adj -o a.adjs --brick 8x8x8 --preview 2 --json").json()["files"], 64);
+    folder.adj("build phantom:gyroid --dims 8x8x8 --range 90..200 -q -o other.adj").done();
+    let [missing, cut, other] = ["00000-00008-00016", "00008-00008-00008", "00024-00024-00024"]
+        .map(|place| format!("a.adjs/brick-0-{place}.adj"));
+    std::fs::remove_file(folder.file(&missing)).expect("it is there");
+    std::fs::write(folder.file(&cut), &bytes(&folder, &cut)[..900]).expect("it can be written");
+    std::fs::copy(folder.file("other.adj"), folder.file(&other)).expect("it can be written");
+    let faults = [(&missing, "is missing"), (&cut, "900"), (&other, "other codes")];
+    let names = |text: &str| {
+        for (file, part) in faults {
+            assert!(text.lines().any(|line| line.contains(file.as_str()) && line.contains(part)), "{file}: {text}");
+        }
+    };
+    let checked = folder.adj("verify a.adjs");
+    assert_eq!(checked.code, Some(1));
+    names(&checked.stdout);
+    assert!(checked.stdout.contains("not sound: 3 of 64 bricks and a preview"), "{}", checked.stdout);
+    for line in ["join a.adjs -o b.adj", "render a.adjs -o b.png", "render a.adjs -o b.png --bricks"] {
+        let ran = folder.adj(line);
+        assert!(ran.code == Some(2) && ran.stderr.lines().count() == 4, "{line}: {}", ran.stderr);
+        names(&ran.stderr);
+    }
+    for line in ["join a.adjs -o b.adj --partial", "render a.adjs -o b.png --bricks --partial --size 20x20"] {
+        let ran = folder.adj(line);
+        assert!(ran.code == Some(0) && ran.stderr.contains("3 of 64 bricks are left out"), "{line}: {}", ran.stderr);
+        names(&ran.stderr);
+    }
+    assert_eq!(folder.adj("info a.adjs --json").json()["faults"].as_array().map(Vec::len), Some(3));
+    folder.adj("render a.adjs -o preview.png --preview --size 20x20").done();
+}
+
+#[test]
+fn the_commands_of_the_page_on_clusters_run() {
+    let folder = Folder::new();
+    let page = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/clusters.md");
+    let text = std::fs::read_to_string(page).expect("the page is there");
+    let blocks: Vec<&str> = text.split("```sh\n").skip(1).filter_map(|block| block.split("```").next()).collect();
+    assert_eq!(blocks.len(), 2);
+    let programs = std::path::Path::new(env!("CARGO_BIN_EXE_adj")).parent().expect("a folder").to_path_buf();
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let paths = std::env::join_paths(std::iter::once(programs).chain(std::env::split_paths(&path))).expect("paths");
+    for block in blocks {
+        let mut shell = std::process::Command::new("sh");
+        shell.args(["-e", "-c", block]).current_dir(folder.file(".")).env("PATH", &paths);
+        let ran = shell.output().expect("there is a shell");
+        assert!(ran.status.success(), "{block}\n{}", String::from_utf8_lossy(&ran.stderr));
+    }
+    assert!(bytes(&folder, "gyroid.adj") == bytes(&folder, "again.adj"));
+    folder.adj("join steps.adjs -o steps.adj").done();
+    assert!(bytes(&folder, "gyroid.adj") == bytes(&folder, "steps.adj"));
+    assert!(bytes(&folder, "gyroid.adjs/preview.adj") == bytes(&folder, "steps.adjs/preview.adj"));
+    assert!(folder.names().contains(&"steps.png".into()));
 }

@@ -4,14 +4,14 @@
 
 use std::path::Path;
 
-use adjsplat::arena::TileOrder;
+use adjsplat::arena::{Arena, LaneRows, Record, Region, Rows as _, TileOrder};
 use adjsplat::build::{BuildOptions, Resources, Unobserved};
 use adjsplat::classify::{Colour, Point};
-use adjsplat::collection::{Collection, Manifest, Partition, Plan, split};
+use adjsplat::collection::{Collection, Findings, Manifest, Partition, Plan, split};
 use adjsplat::limits::Limits;
 use adjsplat::splat::{Camera, Orbit, Projection, Quality, Settings};
 use adjsplat::traverse::Viewpoint;
-use adjsplat::volume::PartSource;
+use adjsplat::volume::{Axis, PartSource};
 use adjsplat::{Build, Model, TransferFunction, Volume};
 use adjsplat_tests::random::Random;
 
@@ -68,7 +68,11 @@ fn planned(
     folder: &Path,
 ) -> adjsplat::Result<Collection> {
     let header = adjsplat::volume::SlabSource::header(&volume.slices()).clone();
-    let mut plan = Plan::new(&header, options.clone(), bricks)?;
+    built(volume, Plan::new(&header, options.clone(), bricks)?, folder).map(|(_, collection)| collection)
+}
+
+/// Does all steps of a plan; returns it, agreed, with the collection.
+fn built(volume: &Volume, mut plan: Plan, folder: &Path) -> adjsplat::Result<(Plan, Collection)> {
     let counts: Vec<usize> = plan.partitions()?.iter().map(Partition::len).collect();
     let part = |plan: &Plan, index: usize| {
         let region = plan.samples_of(index).unwrap();
@@ -88,7 +92,8 @@ fn planned(
     for index in (0..counts.iter().sum()).rev() {
         build(index)?;
     }
-    plan.finish(folder)
+    let collection = plan.finish(folder, &mut Unobserved)?;
+    Ok((plan, collection))
 }
 
 fn joined(collection: &Collection, path: &Path) -> Vec<u8> {
@@ -155,13 +160,133 @@ fn a_file_that_is_split_joins_to_its_bytes() {
             for size in [[0, 0, 7], [6, 0, 0], [10, 12, 9], [29, 23, 26]] {
                 let partition = Partition::into_boxes(model.grid().dims, size).unwrap();
                 let path = folder.path().join(format!("{v}-{f}-{size:?}.adjs"));
-                let collection = split(&arena, &[partition], &path, None, 2, &mut Unobserved).unwrap();
+                let collection = split(&arena, &[partition], None, &path, None, 2, &mut Unobserved).unwrap();
                 collection.require_all().unwrap();
                 let bytes = joined(&collection, &folder.path().join("joined.adj"));
                 assert!(bytes == arena.bytes(), "volume {v}, function {f}, bricks of {size:?}");
             }
         }
     }
+}
+
+/// Returns the positions and codes of all voxels of a file.
+fn voxels(arena: &Arena) -> Vec<([u32; 3], Record)> {
+    let rows = LaneRows::new(arena.lane(Axis::X).unwrap(), |_, _, record| Some(record));
+    let mut found = Vec::new();
+    let all = Region::at([0; 3], arena.facts().grid.dims);
+    rows.read(all, &mut |y, z, row| {
+        found.extend(row.iter().map(|voxel| ([voxel.x, y, z].map(u32::from), voxel.record)));
+    })
+    .unwrap();
+    // Rows come in the order of tiles.
+    found.sort_by_key(|(at, _)| *at);
+    found
+}
+
+#[test]
+fn a_preview_has_every_nth_voxel_whatever_the_bricks() {
+    let folder = tempfile::tempdir().unwrap();
+    for (v, options) in [(0, &functions()[0]), (1, &functions()[3]), (2, &functions()[2])] {
+        let volume = &volumes()[v];
+        let header = adjsplat::volume::SlabSource::header(&volume.slices()).clone();
+        let model = Build::new(options.clone()).run(volume).unwrap();
+        let arena = model.arena().unwrap();
+        for every in [2, 5] {
+            let mut previews = Vec::new();
+            for (b, sizes) in
+                [vec![[0, 0, 4]], vec![[3, 8, 13]], vec![[0, 0, 6], [0, 6, 0], [6, 0, 0]]].iter().enumerate()
+            {
+                let path = folder.path().join(format!("{v}-{every}-{b}.adjs"));
+                let plan = Plan::new(&header, options.clone(), sizes).unwrap().with_preview(every);
+                let (plan, collection) = built(volume, plan, &path).unwrap();
+                previews.push(collection.preview().unwrap().arena().unwrap().bytes().to_vec());
+                assert!(joined(&collection, &folder.path().join("joined.adj")) == arena.bytes());
+                // Nothing but the manifest, the preview and the bricks is left; to finish again changes nothing.
+                let files = 2 + collection.bricks().iter().filter(|brick| brick.file.is_some()).count();
+                assert_eq!(std::fs::read_dir(&path).unwrap().count(), files);
+                let manifest = std::fs::read(path.join("collection.json")).unwrap();
+                plan.finish(&path, &mut Unobserved).unwrap();
+                assert!(std::fs::read(path.join("collection.json")).unwrap() == manifest);
+
+                let parts = Partition::into_boxes(model.grid().dims, sizes[0]).unwrap();
+                let path = path.with_extension("split.adjs");
+                let collection = split(&arena, &[parts], Some(every), &path, None, 2, &mut Unobserved).unwrap();
+                previews.push(collection.preview().unwrap().arena().unwrap().bytes().to_vec());
+            }
+            for (p, preview) in previews.iter().enumerate() {
+                assert!(*preview == previews[0], "volume {v}, every {every}, preview {p}");
+            }
+            let preview = Model::from_bytes(previews[0].clone()).unwrap();
+            let kept = voxels(&arena).into_iter().filter(|(at, _)| at.iter().all(|c| c.is_multiple_of(every)));
+            let kept: Vec<_> = kept.map(|(at, record)| (at.map(|c| c / every), record)).collect();
+            assert!(voxels(&preview.arena().unwrap()) == kept, "volume {v}, every {every}");
+            let (whole, coarse) = (model.grid(), preview.grid());
+            assert_eq!(coarse.dims, whole.dims.map(|points| points.div_ceil(every)));
+            assert_eq!(coarse.spacing, whole.spacing.map(|spacing| spacing * f64::from(every)));
+            assert_eq!(coarse.origin, whole.origin);
+            // A voxel is n times as thick, of the same matter.
+            assert_eq!(preview.transfer().reference_length(), Some(whole.mean_spacing()));
+        }
+    }
+}
+
+#[test]
+fn a_preview_that_is_missing_or_damaged_is_named_and_the_bricks_are_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = Build::new(TransferFunction::range(60.0, 240.0).unwrap()).run(&volumes()[0]).unwrap();
+    let arena = model.arena().unwrap();
+    let parts = Partition::into_boxes(model.grid().dims, [0, 0, 9]).unwrap();
+    let path = folder.path().join("a.adjs");
+    split(&arena, &[parts], Some(3), &path, None, 1, &mut Unobserved).unwrap();
+    let file = path.join("preview.adj");
+    let bytes = std::fs::read(&file).unwrap();
+    let mut flipped = bytes.clone();
+    flipped[bytes.len() - 200] ^= 1;
+    std::fs::write(&file, flipped).unwrap();
+    let faults = Collection::open(&path).unwrap().check();
+    assert!(faults.len() == 1 && faults[0].to_string().contains("preview.adj"), "{faults:?}");
+    std::fs::write(&file, &bytes[..100]).unwrap();
+    let cut = Collection::open(&path).unwrap();
+    assert!(cut.preview().is_none() && cut.preview_fault().unwrap().to_string().contains("preview.adj"));
+    std::fs::remove_file(&file).unwrap();
+    let collection = Collection::open(&path).unwrap();
+    assert!(collection.preview_fault().unwrap().to_string().contains("preview.adj: is missing"));
+    collection.require_all().unwrap();
+    assert!(joined(&collection, &folder.path().join("joined.adj")) == arena.bytes());
+}
+
+#[test]
+fn findings_of_other_plans_other_bricks_or_twice_are_refused() {
+    let volume = &volumes()[3];
+    let header = adjsplat::volume::SlabSource::header(&volume.slices()).clone();
+    let plan = Plan::new(&header, functions()[2].clone(), &[[0, 0, 10]]).unwrap();
+    let scan = |plan: &Plan| -> Vec<Findings> {
+        let scanned = |index| {
+            let region = plan.samples_of(index).unwrap();
+            let mut part = PartSource::new(volume.slices(), region.low(), region.size()).unwrap();
+            plan.scan(index, &mut part, &Resources::default(), &mut Unobserved).unwrap()
+        };
+        (0..3).map(scanned).collect()
+    };
+    let found = scan(&plan);
+    let refused = |plan: &Plan, findings: &[Findings]| plan.clone().agree(findings).unwrap_err().to_string();
+    assert!(refused(&plan, &found[..2]).contains("scan brick 2 too"));
+    let twice = [found.clone(), vec![found[1].clone()]].concat();
+    assert!(refused(&plan, &twice).contains("of brick 1 are there twice"));
+    let mut beyond = found.clone();
+    beyond[2].brick = 7;
+    assert!(refused(&plan, &beyond).contains("of brick 7, but there are 3"));
+    let once = plan.clone().agree(&found).unwrap();
+    assert!(!once.is_agreed().unwrap() && refused(&once, &found).contains("another plan, or of an earlier scan"));
+    let other = Plan::new(&header, functions()[0].clone(), &[[0, 0, 10]]).unwrap();
+    assert!(refused(&other, &found).contains("another plan"));
+    assert!(once.clone().agree(&scan(&once)).unwrap().is_agreed().unwrap());
+    // Numbers that no scan finds do not overflow.
+    let text = serde_json::to_string(&found).unwrap();
+    let number = text.split("\"visible_voxels\":").nth(1).unwrap().split(',').next().unwrap();
+    let text = text.replace(&format!("\"visible_voxels\":{number}"), &format!("\"visible_voxels\":{}", u64::MAX));
+    let large: Vec<Findings> = serde_json::from_str(&text).unwrap();
+    assert!(plan.agree(&large).is_ok());
 }
 
 #[test]
@@ -178,7 +303,7 @@ fn eight(folder: &Path) -> (Model, Collection) {
     let model = Build::new(TransferFunction::range(60.0, 240.0).unwrap()).run(&volumes()[0]).unwrap();
     let partition = Partition::into_boxes(model.grid().dims, [15, 12, 13]).unwrap();
     let path = folder.join("eight.adjs");
-    let collection = split(&model.arena().unwrap(), &[partition], &path, None, 1, &mut Unobserved).unwrap();
+    let collection = split(&model.arena().unwrap(), &[partition], Some(4), &path, None, 1, &mut Unobserved).unwrap();
     assert_eq!(collection.bricks().len(), 8);
     (model, collection)
 }
@@ -251,6 +376,9 @@ fn a_manifest_that_lies_is_refused_in_one_line() {
         (change("/partitions", serde_json::json!([])), "0 partitions"),
         (change("/lanes", 4.into()), "lanes"),
         (change("/channels/value_bits", 12.into()), "channels"),
+        (change("/preview/file", "../a.adj".into()), "outside the folder"),
+        (change("/preview/every", 0.into()), "every 0-th point"),
+        (change("/preview/every", 1.into()), "every 1-th point"),
     ];
     for (text, part) in cases {
         std::fs::write(&path, &text).unwrap();
@@ -330,7 +458,8 @@ fn pictures_by_brick_are_near_those_of_the_whole() {
     let (model, collection) = eight(folder.path());
     let slabs = Partition::into_slabs_of_all_axes(model.grid().dims, 6).unwrap();
     let slabs =
-        split(&model.arena().unwrap(), &slabs, &folder.path().join("slabs.adjs"), None, 1, &mut Unobserved).unwrap();
+        split(&model.arena().unwrap(), &slabs, None, &folder.path().join("slabs.adjs"), None, 1, &mut Unobserved)
+            .unwrap();
     assert!(joined(&slabs, &folder.path().join("joined.adj")) == model.arena().unwrap().bytes());
     let inside =
         Camera::new([6.0, 9.0, 92.0], [9.0, 14.0, 95.0], [0.0, 0.0, 1.0], Projection::Perspective { fov: 70.0 })

@@ -1,6 +1,7 @@
 //! Draws collections: joined in memory or in a temporary file, or brick by brick.
 
 use super::super::Answer;
+use super::super::flags::one_line;
 use super::super::join::open;
 use super::super::progress::Progress;
 use super::super::renderer::Renderer;
@@ -18,6 +19,9 @@ use adjsplat::splat::Settings;
 impl RenderJob<'_> {
     pub(super) fn draw_collection(&self, mut settings: Settings) -> Result<Answer> {
         let arguments = self.arguments;
+        if arguments.preview {
+            return self.draw_preview(settings);
+        }
         let collection = open(self.input.path(), arguments.partial)?;
         if arguments.bricks {
             return self.draw_bricks(&collection, settings);
@@ -40,6 +44,19 @@ impl RenderJob<'_> {
         draw(self, settings, &cameras, LaneSet::new(arena, None), transfer)
     }
 
+    fn draw_preview(&self, settings: Settings) -> Result<Answer> {
+        let collection = Collection::open(self.input.path())?;
+        let name = self.input.path().display().to_string();
+        let why = "has no preview; draw it without --preview";
+        let preview = collection.manifest().preview.as_ref().ok_or_else(|| Error::input(name, why))?;
+        if let Some(fault) = collection.preview_fault() {
+            return Err(Error::input(one_line(fault), "draw the bricks with --bricks"));
+        }
+        let file = self.open(&collection.path().join(&preview.file))?;
+        let transfer = self.arguments.classification.transfer(self.input.path())?;
+        self.draw_file(file, settings, transfer)
+    }
+
     fn draw_bricks(&self, collection: &Collection, mut settings: Settings) -> Result<Answer> {
         let arguments = self.arguments;
         arguments.renderer.require_processor()?;
@@ -59,7 +76,14 @@ impl RenderJob<'_> {
             None => stored_transfer(&arena, first.path())?,
         };
         let cameras = cameras(&arguments.view, &collection.outline(settings.crop)?, settings.size)?;
-        let background = arguments.look.background(&transfer);
-        draw_frames(self, &settings, &cameras, Renderer::Bricks(collection, transfer), background, None)
+        let background = match arguments.part {
+            Some(_) if arguments.look.is_over_colour() => {
+                return Err(Error::input("--background", "is for adj composite, not for --part; leave it out"));
+            }
+            Some(_) => None,
+            None => arguments.look.background(&transfer),
+        };
+        let renderer = Renderer::Bricks(collection, transfer, arguments.part.unwrap_or([1, 1]));
+        draw_frames(self, &settings, &cameras, renderer, background, None)
     }
 }

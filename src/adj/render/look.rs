@@ -125,6 +125,11 @@ impl LookArguments {
         Ok(settings)
     }
 
+    /// Returns whether the command line gives a colour behind the picture.
+    pub(super) fn is_over_colour(&self) -> bool {
+        matches!(self.background, Some(Background::Colour(_)))
+    }
+
     /// Returns the colour behind what `transfer` shows, linear; `None` for transparent.
     pub(super) fn background(&self, transfer: &TransferFunction) -> Option<[f32; 3]> {
         match self.background {

@@ -28,7 +28,7 @@ pub(crate) struct CodeLoss {
 impl CodeLoss {
     /// Adds what the codes lose in another part of the volume.
     pub(crate) fn join(&mut self, other: &CodeLoss) {
-        self.blurred_away += other.blurred_away;
+        self.blurred_away = self.blurred_away.saturating_add(other.blurred_away);
         self.rounding = self.rounding.max(other.rounding);
         self.rounded_labels = self.rounded_labels.max(other.rounded_labels);
     }

@@ -55,7 +55,7 @@ impl UnnamedLabels {
 
     fn join(&mut self, other: &UnnamedLabels) {
         other.lowest.iter().flatten().for_each(|&label| self.add(label, 0));
-        self.voxels += other.voxels;
+        self.voxels = self.voxels.saturating_add(other.voxels);
     }
 }
 
@@ -111,7 +111,7 @@ impl SampleSummary {
     pub(crate) fn join(&mut self, other: &SampleSummary) {
         self.lowest = self.lowest.min(other.lowest);
         self.highest = self.highest.max(other.highest);
-        self.not_finite += other.not_finite;
+        self.not_finite = self.not_finite.saturating_add(other.not_finite);
         self.unnamed.join(&other.unnamed);
     }
 }

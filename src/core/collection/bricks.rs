@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use super::joined::JoinedRows;
 use super::manifest::{BrickEntry, Manifest, fingerprint};
+use super::preview::preview_grid;
 use crate::arena::lanes::DerivedLanes;
 use crate::arena::layout::Facts;
 use crate::arena::{Checked, LaneRows, Rows};
@@ -16,6 +17,7 @@ use crate::build::builder::lanes_of;
 use crate::error::{Error, Result};
 use crate::file::{AdjFile, RowsOutput, arena_bytes, write_rows};
 use crate::limits::Limits;
+use crate::volume::source::obtainable;
 use crate::volume::{Axis, Grid};
 
 /// An open collection: a manifest, and the bricks that fit it.
@@ -24,6 +26,7 @@ pub struct Collection {
     path: PathBuf,
     manifest: Manifest,
     bricks: Vec<Brick>,
+    preview: Option<Result<AdjFile>>,
     faults: Vec<Error>,
 }
 
@@ -57,19 +60,33 @@ impl Collection {
         let manifest = Manifest::read(&path, limits)?;
         let (mut bricks, mut faults) = (Vec::new(), Vec::new());
         for entry in manifest.partitions.iter().flatten() {
-            let opened = entry.file.as_ref().map(|name| opened(&path.join(name), entry, &manifest, limits)).transpose();
-            let file = opened.unwrap_or_else(|fault| {
+            let content = Content {
+                grid: entry.region().grid(&manifest.grid),
+                visible_voxels: entry.visible_voxels,
+                fingerprint: entry.fingerprint.as_deref(),
+            };
+            let opened = entry.file.as_ref().map(|name| opened(&path.join(name), &content, &manifest, limits));
+            let file = opened.transpose().unwrap_or_else(|fault| {
                 faults.push(fault);
                 None
             });
             bricks.push(Brick { entry: entry.clone(), file, derived: DerivedLanes::new(limits.derived_bytes) });
         }
-        Ok(Collection { path, manifest, bricks, faults })
+        let preview = manifest.preview.as_ref().map(|entry| {
+            let content = Content {
+                grid: preview_grid(&manifest.grid, entry.every),
+                visible_voxels: entry.visible_voxels,
+                fingerprint: Some(&entry.fingerprint),
+            };
+            opened(&path.join(&entry.file), &content, &manifest, limits)
+        });
+        Ok(Collection { path, manifest, bricks, preview, faults })
     }
 
-    /// Returns whether `path` is a collection: a folder with a manifest.
+    /// Returns whether `path` is a collection: a folder with a manifest, or one whose name says that there should be one.
     pub fn is_at(path: &Path) -> bool {
-        path.join(super::MANIFEST).is_file()
+        let is_named = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("adjs"));
+        path.join(super::MANIFEST).is_file() || is_named && path.is_dir()
     }
 
     /// Returns the collection's folder.
@@ -105,6 +122,16 @@ impl Collection {
         &self.bricks[partitions.max_by_key(there).expect("there is a partition")]
     }
 
+    /// Returns the file of the whole with fewer grid points, memory-mapped; `None` if there is none, or if it has a fault.
+    pub fn preview(&self) -> Option<&AdjFile> {
+        self.preview.as_ref().and_then(|opened| opened.as_ref().ok())
+    }
+
+    /// Returns what is wrong with the preview; `None` if it can be used, or if there is none. The bricks do not need it.
+    pub fn preview_fault(&self) -> Option<&Error> {
+        self.preview.as_ref().and_then(|opened| opened.as_ref().err())
+    }
+
     /// Returns the grid of the whole.
     pub fn grid(&self) -> &Grid {
         &self.manifest.grid
@@ -125,9 +152,10 @@ impl Collection {
         Err(Error::input(self.path.display().to_string(), format!("{count} of {all} bricks cannot be used; {first}")))
     }
 
-    /// Checks every byte of every brick; returns what is wrong, an error for each brick.
+    /// Checks every byte of every brick and of the preview; returns what is wrong, an error for each file.
     pub fn check(&self) -> Vec<Error> {
-        self.bricks.iter().filter_map(|brick| brick.check().err()).collect()
+        let files = self.bricks.iter().filter_map(|brick| brick.file.as_ref()).chain(self.preview());
+        files.filter_map(|file| checked(file).err()).collect()
     }
 
     /// Returns the visible voxels of all bricks without faults, as rows of the whole grid.
@@ -156,7 +184,8 @@ impl Collection {
         for file in once.iter().filter_map(|brick| brick.file.as_ref()) {
             need = need.saturating_add(file.arena()?.bytes().len() as u64);
         }
-        Limits::default().check(&self.path, "bytes of memory, to join its bricks", need, most)?;
+        let what = "bytes of memory, to join its bricks (open its preview, or a brick)";
+        Limits::default().check(&self.path, what, need, most.min(obtainable(need)))?;
         let rows = self.rows()?;
         let lanes = lanes_of(&rows, &self.manifest.facts(), self.manifest.lanes, threads, observer)?;
         let usable = once.iter().filter(|brick| brick.file.is_some());
@@ -194,16 +223,25 @@ impl Brick {
     /// # Errors
     /// [`Error::Format`] with the first broken rule.
     pub fn check(&self) -> Result<Option<Checked>> {
-        let Some(file) = &self.file else { return Ok(None) };
-        let checked = file.arena()?.check();
-        checked.map(Some).map_err(|fault| Error::Format { path: file.path().to_path_buf(), fault })
+        self.file.as_ref().map(checked).transpose()
     }
 }
 
-/// Opens a brick, and compares it with what the manifest says of it.
-fn opened(path: &Path, entry: &BrickEntry, manifest: &Manifest, limits: &Limits) -> Result<AdjFile> {
+fn checked(file: &AdjFile) -> Result<Checked> {
+    file.arena()?.check().map_err(|fault| Error::Format { path: file.path().to_path_buf(), fault })
+}
+
+/// What a manifest says of the content of a file.
+struct Content<'a> {
+    grid: Grid,
+    visible_voxels: u64,
+    fingerprint: Option<&'a str>,
+}
+
+/// Opens a brick or a preview, and compares it with what the manifest says of it.
+fn opened(path: &Path, content: &Content, manifest: &Manifest, limits: &Limits) -> Result<AdjFile> {
     let wrong = |why: &str| Err(Error::input(path.display().to_string(), why));
-    if !path.exists() {
+    if std::fs::metadata(path).is_err_and(|fault| fault.kind() == std::io::ErrorKind::NotFound) {
         return wrong("is missing; copy it into the folder again, or build it again");
     }
     let file = AdjFile::open_with(path, limits)?;
@@ -212,10 +250,11 @@ fn opened(path: &Path, entry: &BrickEntry, manifest: &Manifest, limits: &Limits)
     if (facts.channels, facts.scales) != (manifest.channels, manifest.scales) {
         return wrong("has other codes than the collection; build it again with the collection's plan");
     }
-    if facts.grid != entry.region().grid(&manifest.grid) {
+    if facts.grid != content.grid {
         return wrong("has another grid than its place in the collection");
     }
-    if facts.visible_voxels != entry.visible_voxels || Some(fingerprint(arena.fingerprint())) != entry.fingerprint {
+    let number = fingerprint(arena.fingerprint());
+    if (facts.visible_voxels, Some(number.as_str())) != (content.visible_voxels, content.fingerprint) {
         return wrong("is of another build than the collection's manifest; build it again, or restore the old file");
     }
     Ok(file)

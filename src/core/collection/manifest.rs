@@ -7,7 +7,8 @@ use std::path::{Component, Path};
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
-use super::Partition;
+use super::preview::preview_grid;
+use super::{Partition, PreviewEntry};
 use crate::arena::layout::{Channels, Facts, Scales};
 use crate::arena::{Region, TileOrder};
 use crate::error::{Error, Result};
@@ -43,6 +44,9 @@ pub struct Manifest {
     /// One to three partitions, each with all voxels: its bricks by ascending z, then y, then x of their boxes, which fill
     /// the grid.
     pub partitions: Vec<Vec<BrickEntry>>,
+    /// A file of the whole with fewer grid points; `None` if there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preview: Option<PreviewEntry>,
     /// The description of the joined file, byte for byte.
     pub(super) description: Box<RawValue>,
 }
@@ -84,6 +88,7 @@ impl Manifest {
         lanes: u8,
         description: &str,
         partitions: Vec<Vec<BrickEntry>>,
+        preview: Option<PreviewEntry>,
     ) -> Result<Manifest> {
         let described = RawValue::from_string(description.to_owned())
             .map_err(|error| Error::input("description", format!("is no JSON ({error}); a manifest cannot hold it")))?;
@@ -97,6 +102,7 @@ impl Manifest {
             visible_voxels: partitions.iter().flatten().map(|brick| brick.visible_voxels).sum::<u64>()
                 / partitions.len().max(1) as u64,
             partitions,
+            preview,
             description: described,
         };
         manifest.check("bricks", &Limits::default())?;
@@ -111,9 +117,16 @@ impl Manifest {
     pub fn read(folder: &Path, limits: &Limits) -> Result<Manifest> {
         std::fs::metadata(folder).map_err(Error::io("open", folder))?;
         let path = folder.join(MANIFEST);
+        if path.symlink_metadata().is_err_and(|fault| fault.kind() == std::io::ErrorKind::NotFound) {
+            let why = format!("is no finished collection: it has no {MANIFEST}");
+            return Err(Error::input(folder.display().to_string(), why));
+        }
         let text = read_text(&path, MANIFEST_BYTES.min(limits.file_bytes))?;
         let name = path.display().to_string();
-        let manifest: Manifest = serde_json::from_str(&text).map_err(|error| Error::input(&name, error.to_string()))?;
+        let manifest: Manifest = serde_json::from_str(&text).map_err(|error| {
+            // Quotation marks of another kind would read as names of flags.
+            Error::input(&name, error.to_string().replace('`', "\""))
+        })?;
         manifest.check(&name, limits)?;
         Ok(manifest)
     }
@@ -151,11 +164,6 @@ impl Manifest {
             return wrong(format!("has {} partitions, but there are 1 to 3", self.partitions.len()));
         }
         for (index, brick) in self.partitions.iter().flatten().enumerate() {
-            let is_name = |file: &str| {
-                let mut parts = Path::new(file).components();
-                matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None))
-                    && !file.contains(['/', '\\'])
-            };
             if brick.file.as_deref().is_some_and(|file| !is_name(file)) {
                 return wrong(format!("brick {index} has a file outside the folder: {:?}", brick.file));
             }
@@ -164,6 +172,15 @@ impl Manifest {
             {
                 return wrong(format!("brick {index}: a brick has a file and a fingerprint if it has visible voxels"));
             }
+        }
+        if let Some(preview) = &self.preview {
+            if !is_name(&preview.file) {
+                return wrong(format!("the preview has a file outside the folder: {:?}", preview.file));
+            }
+            if preview.every < 2 {
+                return wrong(format!("the preview has every {}-th point, but must have less than all", preview.every));
+            }
+            preview_grid(&self.grid, preview.every).check().map_err(|fault| Error::input(name, fault.to_string()))?;
         }
         for bricks in &self.partitions {
             let voxels = bricks.iter().fold(0u64, |sum, brick| sum.saturating_add(brick.visible_voxels));
@@ -203,6 +220,12 @@ impl Manifest {
     pub fn description(&self) -> &str {
         self.description.get()
     }
+}
+
+/// Returns whether `file` is a plain name, which leads nowhere but into the folder.
+fn is_name(file: &str) -> bool {
+    let mut parts = Path::new(file).components();
+    matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None)) && !file.contains(['/', '\\'])
 }
 
 /// Returns the partition of a grid into `bricks`; `None` if they do not fill it as cells of a lattice.

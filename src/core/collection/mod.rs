@@ -14,10 +14,12 @@ mod manifest;
 mod partition;
 mod picture;
 mod plan;
+mod preview;
 mod split;
 
 pub use bricks::{Brick, Collection};
 pub use manifest::{BrickEntry, MANIFEST, Manifest};
 pub use partition::Partition;
 pub use plan::{Findings, Plan};
+pub use preview::PreviewEntry;
 pub use split::split;

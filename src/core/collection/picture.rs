@@ -78,9 +78,25 @@ impl Collection {
     /// Bricks with faults are left out: ask [`Collection::require_all`] first.
     ///
     /// # Errors
+    /// The errors of [`Collection::front_to_back`] and [`Collection::render_bricks`].
+    pub fn render(&self, transfer: &TransferFunction, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
+        self.render_bricks(&self.front_to_back(camera, settings)?, transfer, camera, settings)
+    }
+
+    /// Draws a picture of `bricks`, the nearest first: some of those that [`Collection::front_to_back`] returns.
+    ///
+    /// Pictures of consecutive parts of its list give the whole picture when [`Frame::put_behind`] puts them together.
+    ///
+    /// # Errors
     /// [`Error::Input`] in the maximum modes, whose values are interpolated across bricks (join them first), and in the
     /// additive mode without an exposure; the errors of [`cpu::render`].
-    pub fn render(&self, transfer: &TransferFunction, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
+    pub fn render_bricks(
+        &self,
+        bricks: &[usize],
+        transfer: &TransferFunction,
+        camera: &Camera,
+        settings: &Settings,
+    ) -> Result<(Frame, Stats)> {
         if settings.mode.is_maximum() {
             let why = "interpolates between bricks, so it cannot be drawn brick by brick; join them first";
             return Err(Error::input("mode maximum", why));
@@ -91,7 +107,7 @@ impl Collection {
         }
         let mut picture = Frame::transparent(settings.size)?;
         let mut all = Stats::default();
-        for index in self.front_to_back(camera, settings)? {
+        for &index in bricks {
             let Some((frame, stats)) = self.render_brick(index, transfer, camera, settings)? else { continue };
             if stats.splats_drawn > 0 {
                 picture.put_behind(&frame, settings.mode);

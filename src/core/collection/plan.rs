@@ -15,11 +15,13 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::xxh3_64;
 
 use super::joined::RowsWithin;
 use super::manifest::{Manifest, brick_description};
+use super::preview::{default_every, join_preview, remove_parts};
 use super::split::BrickPlace;
-use super::{Collection, Partition};
+use super::{BrickEntry, Collection, Partition, PreviewEntry};
 use crate::arena::Region;
 use crate::arena::layout::Facts;
 use crate::build::budget::Budget;
@@ -32,6 +34,7 @@ use crate::build::{BuildOptions, Observer, Resources, SampleSummary, UnnamedLabe
 use crate::classify::WholeNumbers;
 use crate::error::{Error, Result};
 use crate::file::RowsOutput;
+use crate::limits::Limits;
 use crate::volume::{Grid, Header, SampleType, SlabSource};
 
 /// How the bricks of a volume are built: what all bricks have in common, and what scans have found so far.
@@ -46,12 +49,25 @@ pub struct Plan {
     options: BuildOptions,
     /// For each partition, one to three: most grid points of a brick along x, y, z; 0 where an axis is not cut.
     bricks: Vec<[u32; 3]>,
-    found: Findings,
+    /// The preview has every so many points along each axis; `None`: as many as make it fit any machine.
+    #[serde(default)]
+    preview: Option<u32>,
+    found: Found,
+}
+
+/// What the scan of a brick has found, for [`Plan::agree`]. It travels as JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Findings {
+    /// The brick's index.
+    pub brick: usize,
+    /// A checksum of the plan that it was scanned with.
+    plan: u64,
+    found: Found,
 }
 
 /// What scans of a volume, or of its bricks, have found.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Findings {
+struct Found {
     /// The largest gradient magnitude, where visibility depends on it.
     largest_magnitude: Option<f64>,
     samples: Option<SampleFindings>,
@@ -82,7 +98,7 @@ impl SampleFindings {
         self.range = (summary.lowest <= summary.highest).then_some([summary.lowest, summary.highest]);
         self.not_finite = summary.not_finite;
         self.unnamed = summary.unnamed;
-        self.visible_voxels += other.visible_voxels;
+        self.visible_voxels = self.visible_voxels.saturating_add(other.visible_voxels);
     }
 
     fn summary(&self) -> SampleSummary {
@@ -97,8 +113,8 @@ impl SampleFindings {
     }
 }
 
-impl Findings {
-    fn join(&mut self, other: &Findings) {
+impl Found {
+    fn join(&mut self, other: &Found) {
         join_option(&mut self.largest_magnitude, other.largest_magnitude, |one, other| *one = one.max(*other));
         join_option(&mut self.samples, other.samples, SampleFindings::join);
         for (loss, other) in self.losses.iter_mut().zip(other.losses) {
@@ -132,10 +148,18 @@ impl Plan {
     /// [`Error::Input`] if an option or the grid is out of range; [`Error::Limit`] if there are more than a million bricks.
     pub fn new(header: &Header, options: BuildOptions, bricks: &[[u32; 3]]) -> Result<Plan> {
         let Header { grid, sample_type, slope, intercept, name, format } = header.clone();
-        let (format, bricks, found) = (format.into(), bricks.to_vec(), Findings::default());
-        let plan = Plan { grid, sample_type, slope, intercept, name, format, options, bricks, found };
+        let (format, bricks, found) = (format.into(), bricks.to_vec(), Found::default());
+        let preview = None;
+        let plan = Plan { grid, sample_type, slope, intercept, name, format, options, bricks, preview, found };
         plan.check()?;
         Ok(plan)
+    }
+
+    /// Sets that the collection's preview has every `every`-th grid point along each axis; with 1 it has none.
+    ///
+    /// By default it has at most 2^24 voxels, and none if the whole has no more.
+    pub fn with_preview(self, every: u32) -> Plan {
+        Plan { preview: Some(every.max(1)), ..self }
     }
 
     fn check(&self) -> Result<()> {
@@ -160,6 +184,11 @@ impl Plan {
     /// Returns the plan as a JSON text.
     pub fn to_json(&self) -> String {
         serde_json::to_string(self).expect("numbers and strings are plain JSON")
+    }
+
+    /// Returns the grid of the whole volume.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
     }
 
     /// Returns the bricks' boxes, partition by partition. Bricks are counted on from one partition to the next; those of the
@@ -210,8 +239,8 @@ impl Plan {
 
     fn stage(&self) -> Result<Stage> {
         Ok(match &self.found {
-            Findings { largest_magnitude: None, .. } if self.options.needs_survey() => Stage::LargestMagnitude,
-            Findings { samples: None, .. } => Stage::Samples,
+            Found { largest_magnitude: None, .. } if self.options.needs_survey() => Stage::LargestMagnitude,
+            Found { samples: None, .. } => Stage::Samples,
             _ if self.codes()?.is_none() => Stage::Losses,
             _ => Stage::Agreed,
         })
@@ -255,8 +284,23 @@ impl Plan {
         resources: &Resources,
         observer: &mut dyn Observer,
     ) -> Result<Findings> {
+        let found = self.found_in(index, source, resources, observer)?;
+        Ok(Findings { brick: index, plan: self.checksum(), found })
+    }
+
+    fn checksum(&self) -> u64 {
+        xxh3_64(self.to_json().as_bytes())
+    }
+
+    fn found_in(
+        &self,
+        index: usize,
+        source: &mut dyn SlabSource,
+        resources: &Resources,
+        observer: &mut dyn Observer,
+    ) -> Result<Found> {
         let (header, kept) = self.checked(index, source)?;
-        let mut found = Findings::default();
+        let mut found = Found::default();
         let stage = self.stage()?;
         if stage == Stage::Agreed {
             return Ok(found);
@@ -296,17 +340,34 @@ impl Plan {
         Ok(found)
     }
 
-    /// Adds what scans of all bricks of the first partition have found.
+    /// Adds what scans of all bricks of the first partition have found, in any order.
     ///
     /// # Errors
-    /// [`Error::Input`] if there are not as many findings as bricks.
+    /// [`Error::Input`] unless there are findings of each brick once, all with this plan.
     pub fn agree(mut self, findings: &[Findings]) -> Result<Plan> {
         let bricks = self.partitions()?[0].len();
-        if findings.len() != bricks {
-            let why = format!("are of {} bricks, but there are {bricks}; scan each of them once", findings.len());
-            return Err(Error::input("findings", why));
+        let wrong = |why: String| Err(Error::input("findings", why));
+        let plan = self.checksum();
+        let mut is_scanned = vec![false; bricks];
+        for Findings { brick, plan: of, .. } in findings {
+            if *of != plan {
+                return wrong(format!(
+                    "of brick {brick} are of another plan, or of an earlier scan; scan it with this plan"
+                ));
+            }
+            match is_scanned.get_mut(*brick) {
+                None => return wrong(format!("are of brick {brick}, but there are {bricks} to scan")),
+                Some(true) => return wrong(format!("of brick {brick} are there twice")),
+                Some(scanned) => *scanned = true,
+            }
         }
-        findings.iter().for_each(|found| self.found.join(found));
+        if let Some(missing) = is_scanned.iter().position(|scanned| !scanned) {
+            return wrong(format!(
+                "are of {} bricks, but there are {bricks}; scan brick {missing} too",
+                findings.len()
+            ));
+        }
+        findings.iter().for_each(|findings| self.found.join(&findings.found));
         Ok(self)
     }
 
@@ -340,6 +401,10 @@ impl Plan {
         let lane_count = self.options.lane_count;
         let output = RowsOutput { facts, description: &description, lane_count, memory, threads };
         place.write(folder, &rows, voxels, &output, observer)?;
+        let every = self.preview_step();
+        if place.partition == 0 && every > 1 {
+            place.write_preview(folder, &rows, every, &self.grid, &output, observer)?;
+        }
         Ok(voxels)
     }
 
@@ -348,19 +413,19 @@ impl Plan {
     /// # Errors
     /// [`Error::Input`] if bricks are missing, or one is of another plan; [`Error::Io`] if the manifest cannot be written;
     /// the errors of [`AdjFile::open`](crate::file::AdjFile::open).
-    pub fn finish(&self, folder: &Path) -> Result<Collection> {
+    pub fn finish(&self, folder: &Path, observer: &mut dyn Observer) -> Result<Collection> {
         let (encoder, loss) = self.agreed()?;
         let facts = self.facts(&encoder);
         let mut all = Vec::new();
         let mut first = 0;
         for (number, partition) in self.partitions()?.iter().enumerate() {
-            let found = |region| BrickPlace { partition: number, region }.found(folder);
+            let found = |region| BrickPlace { partition: number, region }.found(folder, &facts);
             let entries = partition.boxes().map(found).collect::<Result<Vec<_>>>()?;
             let voxels: u64 = entries.iter().map(|entry| entry.visible_voxels).sum();
             if voxels != facts.visible_voxels {
                 let absent = entries.iter().enumerate().filter(|(_, entry)| entry.file.is_none());
                 let absent: Vec<String> = absent.map(|(index, _)| (first + index).to_string()).collect();
-                let why = match voxels < facts.visible_voxels {
+                let why = match voxels < facts.visible_voxels && !absent.is_empty() {
                     true => format!("build those bricks that have any of: {}", absent.join(", ")),
                     false => "build its bricks again with this plan".into(),
                 };
@@ -371,11 +436,42 @@ impl Plan {
             all.push(entries);
         }
         let description = self.description(&encoder, &loss)?;
-        let manifest = Manifest::new(&facts, self.options.lane_count, &description, all)?;
+        let preview = self.preview(folder, &facts, &description, &all, observer)?;
+        let manifest = Manifest::new(&facts, self.options.lane_count, &description, all, preview)?;
         manifest.write(folder)?;
+        remove_parts(folder, self.partitions()?[0].boxes())?;
         let collection = Collection::open(folder)?;
         collection.require_all()?;
         Ok(collection)
+    }
+
+    /// Joins the parts of the preview that the builds of bricks left in `folder`; `None` if there is to be none.
+    fn preview(
+        &self,
+        folder: &Path,
+        facts: &Facts,
+        description: &str,
+        bricks: &[Vec<BrickEntry>],
+        observer: &mut dyn Observer,
+    ) -> Result<Option<PreviewEntry>> {
+        let every = self.preview_step();
+        if every == 1 {
+            return Ok(None);
+        }
+        // The parts are gone once a collection is finished.
+        let finished = Manifest::read(folder, &Limits::default()).ok().filter(|old| old.partitions == bricks);
+        if let Some(preview) = finished.and_then(|old| old.preview).filter(|preview| preview.every == every) {
+            return Ok(Some(preview));
+        }
+        let (lane_count, memory, threads) = (self.options.lane_count, None, 1);
+        let output = RowsOutput { facts: facts.clone(), description, lane_count, memory, threads };
+        join_preview(folder, self.partitions()?[0].boxes(), every, &output, observer)
+    }
+
+    /// Returns how many grid points along each axis a voxel of the preview stands for; 1 if there is to be none.
+    fn preview_step(&self) -> u32 {
+        let voxels = self.found.samples.map_or(0, |samples| samples.visible_voxels);
+        self.preview.unwrap_or_else(|| default_every(voxels)).max(1)
     }
 
     /// Returns the statistics of all samples, for warnings.

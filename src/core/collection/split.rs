@@ -3,27 +3,32 @@
 use std::path::Path;
 
 use super::manifest::{BrickEntry, Manifest, brick_description, fingerprint};
+use super::preview::{default_every, join_preview, remove_if_there, remove_parts};
 use super::{Collection, Partition};
 use crate::arena::layout::Facts;
 use crate::arena::{Arena, LaneRows, Region, Rows};
 use crate::build::Observer;
 use crate::build::progress::{Phase, report};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::file::{AdjFile, RowsOutput, write_folder_atomically, write_rows};
-use crate::volume::Axis;
+use crate::volume::{Axis, Grid};
 
 /// Writes the voxels of `arena` as a collection at `path`, with a brick for each box of each of `partitions`, one to three.
+///
+/// Its preview has every `preview`-th grid point along each axis; with 1 it has none. By default it has at most 2^24 voxels,
+/// and none if the whole has no more.
 ///
 /// `memory` bounds the bytes that the process may use; `threads` work. Reads each brick's part of the lane along x. The
 /// folder appears complete or not at all.
 ///
 /// # Errors
-/// [`Error::Input`](crate::Error::Input) if something exists at `path`, if the arena's description is no JSON, or if the partition is of another
-/// grid; [`Error::Io`](crate::Error::Io) if nothing can be written there;
-/// [`Error::Interrupted`](crate::Error::Interrupted) if the observer cancels.
+/// [`Error::Input`] if something exists at `path`, if the arena's description is no JSON, or if the partition is of another
+/// grid; [`Error::Io`] if nothing can be written there;
+/// [`Error::Interrupted`] if the observer cancels.
 pub fn split(
     arena: &Arena,
     partitions: &[Partition],
+    preview: Option<u32>,
     path: &Path,
     memory: Option<u64>,
     threads: usize,
@@ -33,6 +38,7 @@ pub fn split(
     let text = std::str::from_utf8(arena.description()).unwrap_or_default();
     let lane_count = u8::try_from(arena.lanes().count()).expect("there are three axes");
     let lane = arena.lane(Axis::X).expect("every arena that opens has the lane along x");
+    let every = preview.unwrap_or_else(|| default_every(whole.visible_voxels)).max(1);
     let total = partitions.iter().map(|partition| partition.len() as u64).sum();
     write_folder_atomically(&|| false, path, |folder| {
         let (mut written, mut all) = (0, Vec::new());
@@ -49,11 +55,23 @@ pub fn split(
                 let output = RowsOutput { facts, description: &description, lane_count, memory, threads };
                 let place = BrickPlace { partition: number, region };
                 place.write(folder, &rows, voxels, &output, observer)?;
-                bricks.push(place.found(folder)?);
+                if number == 0 && every > 1 {
+                    place.write_preview(folder, &rows, every, &whole.grid, &output, observer)?;
+                }
+                bricks.push(place.found(folder, whole)?);
             }
             all.push(bricks);
         }
-        Manifest::new(whole, lane_count, text, all)?.write(folder)
+        let preview = match partitions.first() {
+            Some(first) if every > 1 => {
+                let output = RowsOutput { facts: whole.clone(), description: text, lane_count, memory, threads };
+                let preview = join_preview(folder, first.boxes(), every, &output, observer)?;
+                remove_parts(folder, first.boxes())?;
+                preview
+            }
+            _ => None,
+        };
+        Manifest::new(whole, lane_count, text, all, preview)?.write(folder)
     })?;
     Collection::open(path)
 }
@@ -74,14 +92,19 @@ impl BrickPlace {
         output: &RowsOutput,
         observer: &mut dyn Observer,
     ) -> Result<()> {
-        if voxels > 0 {
-            write_rows(&folder.join(self.file()), rows, output, observer)?;
+        let path = folder.join(self.file());
+        if voxels == 0 {
+            return remove_if_there(&path);
         }
-        Ok(())
+        write_rows(&path, rows, output, observer).map(|_| ())
     }
 
-    /// Returns the entry of the brick that was written into `folder`; one without voxels if there is none.
-    pub(super) fn found(&self, folder: &Path) -> Result<BrickEntry> {
+    /// Returns the entry of the brick that was written into `folder`; one without voxels if there is none. `whole` are the facts
+    /// of the joined file.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the file has another place or other codes; the errors of [`AdjFile::open`].
+    pub(super) fn found(&self, folder: &Path, whole: &Facts) -> Result<BrickEntry> {
         let (low, size, file) = (self.region.low(), self.region.size(), self.file());
         let path = folder.join(&file);
         if !path.exists() {
@@ -89,7 +112,12 @@ impl BrickPlace {
         }
         let brick = AdjFile::open(&path)?;
         let arena = brick.arena()?;
-        let (visible_voxels, number) = (arena.facts().visible_voxels, arena.fingerprint());
+        let Facts { grid, channels, scales, visible_voxels, .. } = arena.facts().clone();
+        let place = Grid { unit: None, ..self.region.grid(&whole.grid) };
+        if (grid, channels, scales) != (place, whole.channels, whole.scales) {
+            return Err(Error::input(path.display().to_string(), "is of another plan; build this brick again"));
+        }
+        let number = arena.fingerprint();
         Ok(BrickEntry { file: Some(file), low, size, visible_voxels, fingerprint: Some(fingerprint(number)) })
     }
 

@@ -160,6 +160,11 @@ impl SlabSource for DicomReader {
         Ok(())
     }
 
+    fn skip_slices(&mut self, count: u32) -> Result<()> {
+        self.slices_read += count;
+        Ok(())
+    }
+
     fn rewind(&mut self) -> Result<()> {
         self.slices_read = 0;
         Ok(())

@@ -130,6 +130,11 @@ impl SlabSource for TiffReader {
         Ok(())
     }
 
+    fn skip_slices(&mut self, count: u32) -> Result<()> {
+        self.slices_read += count;
+        Ok(())
+    }
+
     fn rewind(&mut self) -> Result<()> {
         (self.open, self.lost, self.slices_read) = (None, true, 0);
         if let Some(SliceLocation::Page { file, .. }) = self.places.first().copied() {

@@ -463,6 +463,11 @@ impl SlabSource for ZarrReader {
         Ok(())
     }
 
+    fn skip_slices(&mut self, count: u32) -> Result<()> {
+        self.slices_read += count;
+        Ok(())
+    }
+
     fn rewind(&mut self) -> Result<()> {
         self.slices_read = 0;
         Ok(())

@@ -142,6 +142,11 @@ impl SlabSource for PhantomSource {
         Ok(())
     }
 
+    fn skip_slices(&mut self, count: u32) -> Result<()> {
+        self.next = self.next.saturating_add(count);
+        Ok(())
+    }
+
     fn rewind(&mut self) -> Result<()> {
         self.next = 0;
         Ok(())

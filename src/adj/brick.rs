@@ -1,0 +1,265 @@
+//! `adj brick`: builds a collection brick by brick, each step a process of its own, on any machines.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand};
+use serde::de::DeserializeOwned;
+
+use super::build::PackingArguments;
+use super::classification::ClassificationArguments;
+use super::input::{Input, InputArguments};
+use super::progress::{Progress, interrupted};
+use super::resources::ResourceArguments;
+use super::split::CutArguments;
+use super::{Answer, is_same_file, print_note, print_result};
+use adjsplat::build::Resources;
+use adjsplat::collection::{Findings, Partition, Plan};
+use adjsplat::error::{Error, Result};
+use adjsplat::file::{check_writable, write_atomically_unless};
+use adjsplat::internals::read_text;
+use adjsplat::volume::PartSource;
+
+/// Build a collection brick by brick, in steps that jobs on any machines do; the bricks join to the bytes of adj build
+///
+/// plan, then scan every brick and agree, until agree says that all is known; then build every brick, and finish. A step
+/// that failed is done again. All machines must see the volume, the plan and the collection's folder.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example, of a volume with 4 slabs:\n  adj brick plan ct.nhdr --range 300.. --slab 128 -o plan.json\n  for n in 0 1 2 3; do adj brick scan plan.json $n ct.nhdr -o found-$n.json; done\n  adj brick agree plan.json found-*.json -o agreed.json\n  for n in 0 1 2 3; do adj brick build agreed.json $n ct.nhdr -o ct.adjs; done\n  adj brick finish agreed.json ct.adjs"
+)]
+pub(super) struct Arguments {
+    #[command(subcommand)]
+    step: Step,
+}
+
+#[derive(Debug, Subcommand)]
+enum Step {
+    Plan(Box<PlanArguments>),
+    Scan(Box<ScanArguments>),
+    Agree(AgreeArguments),
+    Build(Box<BuildArguments>),
+    Finish(FinishArguments),
+}
+
+/// Plan the bricks of a volume: how it is cut, what is visible, how it is stored
+#[derive(Debug, Args)]
+#[command(after_help = "Example: adj brick plan ct.nhdr --range 300.. --slab 128 -o plan.json")]
+struct PlanArguments {
+    /// The volume, as adj build takes it
+    #[arg(value_name = "IN", required = true)]
+    input: Vec<PathBuf>,
+    /// The plan to write
+    #[arg(short, long, value_name = "PLAN.json")]
+    output: PathBuf,
+    #[command(flatten)]
+    cuts: CutArguments,
+    #[command(flatten)]
+    classification: ClassificationArguments,
+    #[command(flatten)]
+    packing: PackingArguments,
+    #[command(flatten)]
+    reading: InputArguments,
+}
+
+/// A plan, one of its bricks, and the volume.
+#[derive(Debug, Args)]
+struct BrickOfVolume {
+    /// The plan
+    #[arg(value_name = "PLAN.json")]
+    plan: PathBuf,
+    /// The brick's number, from 0
+    #[arg(value_name = "NUMBER")]
+    number: usize,
+    /// The volume, with the same flags as for the plan
+    #[arg(value_name = "IN", required = true)]
+    input: Vec<PathBuf>,
+    /// Show no progress bar
+    #[arg(long, short)]
+    quiet: bool,
+    #[command(flatten)]
+    reading: InputArguments,
+    #[command(flatten)]
+    resources: ResourceArguments,
+}
+
+/// Scan a brick of the volume: the range of its values, its visible voxels, what codes depend on
+#[derive(Debug, Args)]
+#[command(after_help = "Example: adj brick scan plan.json 3 ct.nhdr -o found-3.json")]
+struct ScanArguments {
+    #[command(flatten)]
+    brick: BrickOfVolume,
+    /// What was found, to write
+    #[arg(short, long, value_name = "FOUND.json")]
+    output: PathBuf,
+}
+
+/// Agree on the codes of all bricks, from what scans of each brick found
+///
+/// Exit code 0: bricks can be built; 1: scan all bricks once more, with the new plan.
+#[derive(Debug, Args)]
+#[command(after_help = "Example: adj brick agree plan.json found-0.json found-1.json -o agreed.json")]
+struct AgreeArguments {
+    /// The plan that the bricks were scanned with
+    #[arg(value_name = "PLAN.json")]
+    plan: PathBuf,
+    /// What scans found, of each brick once
+    #[arg(value_name = "FOUND.json", required = true)]
+    found: Vec<PathBuf>,
+    /// The new plan to write
+    #[arg(short, long, value_name = "AGREED.json")]
+    output: PathBuf,
+}
+
+/// Build a brick of an agreed plan, with the samples around it that its gradients need
+#[derive(Debug, Args)]
+#[command(after_help = "Example: adj brick build agreed.json 3 ct.nhdr -o ct.adjs")]
+struct BuildArguments {
+    #[command(flatten)]
+    brick: BrickOfVolume,
+    /// The collection's folder; it is made if it is not there
+    #[arg(short, long, value_name = "OUT.adjs")]
+    output: PathBuf,
+}
+
+/// Finish a collection whose bricks are built: write its preview and its manifest
+#[derive(Debug, Args)]
+#[command(after_help = "Example: adj brick finish agreed.json ct.adjs")]
+struct FinishArguments {
+    /// The agreed plan
+    #[arg(value_name = "PLAN.json")]
+    plan: PathBuf,
+    /// The collection's folder
+    #[arg(value_name = "OUT.adjs")]
+    folder: PathBuf,
+    /// Show no progress bar
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
+    match &arguments.step {
+        Step::Plan(arguments) => plan(arguments),
+        Step::Scan(arguments) => scan(arguments),
+        Step::Agree(arguments) => agree(arguments),
+        Step::Build(arguments) => build(arguments),
+        Step::Finish(arguments) => finish(arguments),
+    }
+}
+
+fn plan(arguments: &PlanArguments) -> Result<Answer> {
+    let input = Input::find(&arguments.input)?;
+    let source = arguments.reading.open(&input)?;
+    let Some(transfer) = arguments.classification.transfer(input.path())? else {
+        return Err(Error::input("--range, --tf or --labels", "must say what is visible; all bricks need the same"));
+    };
+    if input.has(&arguments.output) {
+        return Err(Error::input("--output", "is the volume itself, which it would replace; give another name"));
+    }
+    let options = arguments.packing.options(transfer, None);
+    let mut plan = Plan::new(source.header(), options, &arguments.cuts.sizes())?;
+    if let Some(every) = arguments.cuts.preview {
+        plan = plan.with_preview(every);
+    }
+    write(&arguments.output, &plan.to_json())?;
+    let counts: Vec<usize> = plan.partitions()?.iter().map(Partition::len).collect();
+    let (scans, all) = (counts[0], counts.iter().sum::<usize>());
+    print_result(&format!("{}: {scans} bricks to scan, {all} to build", arguments.output.display()));
+    Ok(Answer::Yes)
+}
+
+fn scan(arguments: &ScanArguments) -> Result<Answer> {
+    let ScanArguments { brick, output } = arguments;
+    check_output(output, &[&brick.plan])?;
+    let (plan, mut source) = brick.open()?;
+    let resources = brick.resources(std::env::temp_dir());
+    let found = plan.scan(brick.number, &mut source, &resources, &mut Progress::new(brick.quiet))?;
+    write(output, &serde_json::to_string(&found).expect("numbers are plain JSON"))?;
+    print_result(&format!("{}: brick {}", output.display(), brick.number));
+    Ok(Answer::Yes)
+}
+
+fn agree(arguments: &AgreeArguments) -> Result<Answer> {
+    let AgreeArguments { plan, found, output } = arguments;
+    check_output(output, &found.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+    let findings = found.iter().map(|path| read::<Findings>(path)).collect::<Result<Vec<_>>>()?;
+    let plan = read_plan(plan)?.agree(&findings)?;
+    let is_agreed = plan.is_agreed()?;
+    write(output, &plan.to_json())?;
+    let next = if is_agreed { "agreed: build the bricks" } else { "scan all bricks once more, with this plan" };
+    print_result(&format!("{}: {next}", output.display()));
+    if !is_agreed {
+        return Ok(Answer::No);
+    }
+    let summary = plan.samples()?;
+    if summary.not_finite > 0 {
+        print_note(&format!("warning: {} samples are NaN or infinite; they are transparent", summary.not_finite));
+    }
+    Ok(Answer::Yes)
+}
+
+fn build(arguments: &BuildArguments) -> Result<Answer> {
+    let BuildArguments { brick, output } = arguments;
+    let (plan, mut source) = brick.open()?;
+    match std::fs::create_dir(output) {
+        Err(fault) if fault.kind() == std::io::ErrorKind::AlreadyExists && output.is_dir() => {}
+        made => made.map_err(Error::io("create the folder", output))?,
+    }
+    let resources = brick.resources(output.clone());
+    let voxels = plan.build(brick.number, &mut source, output, &resources, &mut Progress::new(brick.quiet))?;
+    print_result(&format!("{}: brick {}, {voxels} visible voxels", output.display(), brick.number));
+    Ok(Answer::Yes)
+}
+
+fn finish(arguments: &FinishArguments) -> Result<Answer> {
+    let plan = read_plan(&arguments.plan)?;
+    let collection = plan.finish(&arguments.folder, &mut Progress::new(arguments.quiet))?;
+    let (bricks, voxels) = (collection.bricks().len(), collection.manifest().visible_voxels);
+    print_result(&format!("{}: {bricks} bricks, {voxels} visible voxels", arguments.folder.display()));
+    Ok(Answer::Yes)
+}
+
+impl BrickOfVolume {
+    /// Opens the plan, and the samples that its brick needs.
+    fn open(&self) -> Result<(Plan, impl adjsplat::volume::SlabSource)> {
+        let plan = read_plan(&self.plan)?;
+        let region = plan.samples_of(self.number)?;
+        let volume = self.reading.open(&Input::find(&self.input)?)?;
+        let dims = volume.header().grid.dims;
+        if dims != plan.grid().dims {
+            let why = format!("has {dims:?} points, but the plan is of a volume of {:?}", plan.grid().dims);
+            return Err(Error::input(self.input[0].display().to_string(), why));
+        }
+        Ok((plan, PartSource::new(volume, region.low(), region.size())?))
+    }
+
+    fn resources(&self, folder: PathBuf) -> Resources {
+        Resources { memory: Some(self.resources.memory()), threads: self.resources.threads(), folder: Some(folder) }
+    }
+}
+
+/// Most bytes of a plan or of findings: transfer functions may be long.
+const MOST_BYTES: u64 = 256 << 20;
+
+fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = read_text(path, MOST_BYTES)?;
+    serde_json::from_str(&text).map_err(|error| Error::input(path.display().to_string(), error.to_string()))
+}
+
+fn read_plan(path: &Path) -> Result<Plan> {
+    Plan::from_json(&read_text(path, MOST_BYTES)?).map_err(|error| match error {
+        Error::Input { what, why } if what == "plan" => Error::input(path.display().to_string(), why),
+        other => other,
+    })
+}
+
+/// Refuses an output that is one of the inputs.
+fn check_output(output: &Path, inputs: &[&Path]) -> Result<()> {
+    match inputs.iter().any(|input| is_same_file(input, output)) {
+        true => Err(Error::input("--output", "is an input too, which it would replace; give another name")),
+        false => check_writable(output),
+    }
+}
+
+fn write(path: &Path, text: &str) -> Result<()> {
+    write_atomically_unless(&interrupted, path, |out| writeln!(out, "{text}"))
+}
