@@ -77,9 +77,11 @@ fn graphics_devices_stay_in_their_folder() {
         let name = path.strip_prefix(&source).unwrap().to_string_lossy().into_owned();
         let text = std::fs::read_to_string(&path).unwrap();
         let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
+        // What egui calls its own settings is not wgpu's interface.
+        let code = code.map(|line| line.replace("egui_wgpu::", ""));
         let names_wgpu = code.clone().any(|line| line.contains("wgpu::") || line.contains("use wgpu"));
         assert!(!names_wgpu || name.starts_with("core/splat/gpu/"), "{name} names wgpu");
-        let asks = code.into_iter().any(|line| line.contains("Instance::new(") || line.contains("request_device("));
+        let asks = code.clone().any(|line| line.contains("Instance::new(") || line.contains("request_device("));
         assert!(!asks || name == "core/splat/gpu/adapter.rs", "{name} asks the system for a device");
     }
 }
