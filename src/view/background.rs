@@ -1,12 +1,54 @@
 //! Work beside the interface: on a thread, or, in a browser, as a task that gives way whenever it waits.
 
+#[cfg(not(target_arch = "wasm32"))]
+use std::{
+    sync::{Condvar, Mutex, PoisonError},
+    time::Duration,
+};
+
 /// Runs a task until its end.
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) fn run<F: Future<Output = ()>>(task: impl FnOnce() -> F + Send + 'static) {
+    let running = Running::begin();
     std::thread::spawn(move || {
+        let _running = running;
         give_way();
         pollster::block_on(task());
     });
+}
+
+/// Number of tasks that run, and who waits for their end.
+#[cfg(not(target_arch = "wasm32"))]
+static RUNNING: (Mutex<usize>, Condvar) = (Mutex::new(0), Condvar::new());
+
+/// A task that runs until this is dropped.
+#[cfg(not(target_arch = "wasm32"))]
+struct Running;
+
+#[cfg(not(target_arch = "wasm32"))]
+impl Running {
+    fn begin() -> Running {
+        *RUNNING.0.lock().unwrap_or_else(PoisonError::into_inner) += 1;
+        Running
+    }
+}
+
+#[cfg(not(target_arch = "wasm32"))]
+impl Drop for Running {
+    fn drop(&mut self) {
+        *RUNNING.0.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
+        RUNNING.1.notify_all();
+    }
+}
+
+/// Waits until no task runs, but at most this long. Returns whether none runs.
+///
+/// A program that ends while a task uses a graphics device may crash in the device's driver, which cleans up on another thread.
+#[cfg(not(target_arch = "wasm32"))]
+pub fn wait(limit: Duration) -> bool {
+    let running = RUNNING.0.lock().unwrap_or_else(PoisonError::into_inner);
+    let waited = RUNNING.1.wait_timeout_while(running, limit, |running| *running > 0);
+    *waited.unwrap_or_else(PoisonError::into_inner).0 == 0
 }
 
 /// Lowers the priority of this thread and of those that it starts: where the processor draws pictures and paints the window

@@ -1,14 +1,15 @@
 //! The window of a desktop.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::gpu::adapter;
 
-use crate::Window;
 use crate::app::Viewer;
 use crate::draw::Renderer;
 use crate::recent::RecentFiles;
+use crate::{Window, background};
 
 /// Opens a window that shows these files; returns when it is closed.
 ///
@@ -32,9 +33,13 @@ pub fn run(files: Vec<PathBuf>) -> Result<()> {
         let viewer = Viewer::new(&creation.egui_ctx, &files, RecentFiles::of_user(), renderer());
         Ok(Box::new(Window(viewer)))
     });
-    eframe::run_native("adjsplat", options, create)
-        .map_err(|fault| Error::device(format!("cannot open a window: {fault}; draw pictures with adj render")))
+    let shown = eframe::run_native("adjsplat", options, create);
+    background::wait(MOST_WAIT);
+    shown.map_err(|fault| Error::device(format!("cannot open a window: {fault}; draw pictures with adj render")))
 }
+
+/// How long a closed window waits for the picture that a graphics device still draws.
+const MOST_WAIT: Duration = Duration::from_secs(5);
 
 /// Returns what draws pictures: a graphics device, unless all of them are software, which is slower than the processor.
 fn renderer() -> Renderer {

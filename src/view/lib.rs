@@ -8,7 +8,7 @@
 //! by tasks that give way.
 
 pub mod app;
-mod background;
+pub mod background;
 #[cfg(not(target_arch = "wasm32"))]
 mod desktop;
 mod dialog;

@@ -13,6 +13,7 @@ use adjsplat::splat::{Mode, Quality, Settings};
 use adjsplat::{Build, Model, TransferFunction, Volume};
 use adjsplat_tests::files::skipped;
 use adjsplat_view::app::Viewer;
+use adjsplat_view::background;
 use adjsplat_view::document::Document;
 use adjsplat_view::draw::{Canvas, Renderer, picture};
 use adjsplat_view::editor::Edited;
@@ -189,6 +190,9 @@ fn a_graphics_device_draws_the_same_picture() {
         // Measured 87 dB: of the 8-bit samples, one in hundreds differs by 1.
         assert!(ratio > 70.0 && work.device.is_none(), "{ratio} dB");
     }
+    // Else the worker's device may be closed while the program ends, and drivers do not bear that.
+    drop(driven);
+    assert!(background::wait(PATIENCE), "tasks run on when all windows are closed");
 }
 
 #[test]
