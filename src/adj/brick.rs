@@ -180,7 +180,7 @@ fn scan(arguments: &ScanArguments) -> Result<Answer> {
 
 fn agree(arguments: &AgreeArguments) -> Result<Answer> {
     let AgreeArguments { plan, found, output } = arguments;
-    check_output(output, &found.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+    check_output(output, &found.iter().chain([plan]).map(PathBuf::as_path).collect::<Vec<_>>())?;
     let findings = found.iter().map(|path| read::<Findings>(path)).collect::<Result<Vec<_>>>()?;
     let plan = read_plan(plan)?.agree(&findings)?;
     let is_agreed = plan.is_agreed()?;

@@ -10,8 +10,8 @@ use super::build::check_replaceable;
 use super::flags::one_line;
 use super::progress::Progress;
 use super::resources::ResourceArguments;
-use super::{Answer, print_note, print_result};
-use adjsplat::collection::Collection;
+use super::{Answer, is_same_file, print_note, print_result};
+use adjsplat::collection::{Collection, MANIFEST, Manifest};
 use adjsplat::error::{Error, Result};
 
 /// Join a collection to one .adj file: the bytes that one build of the whole volume makes
@@ -43,6 +43,7 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
     let collection = open(&arguments.input, arguments.partial)?;
+    check_spared(&collection, "--output", &arguments.output)?;
     check_replaceable(&arguments.output)?;
     if !arguments.no_verify {
         for brick in collection.bricks() {
@@ -69,6 +70,20 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         format!("{path}: {visible} voxels, {}, {seconds:.2} s", indicatif::HumanBytes(bytes))
     });
     Ok(Answer::Yes)
+}
+
+/// Refuses an output that is one of the collection's files.
+pub(super) fn check_spared(collection: &Collection, flag: &str, output: &Path) -> Result<()> {
+    if !output.exists() {
+        return Ok(());
+    }
+    let Manifest { partitions, preview, .. } = collection.manifest();
+    let bricks = partitions.iter().flatten().filter_map(|brick| brick.file.as_deref());
+    let mut names = bricks.chain(preview.iter().map(|preview| preview.file.as_str())).chain([MANIFEST]);
+    match names.any(|name| is_same_file(&collection.path().join(name), output)) {
+        true => Err(Error::input(flag, "is a file of the collection, which it would replace; give another name")),
+        false => Ok(()),
+    }
 }
 
 /// Opens a collection and names each brick that cannot be used.

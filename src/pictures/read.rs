@@ -32,12 +32,16 @@ fn broken(path: &Path, fault: impl std::fmt::Display) -> Error {
     Error::input(path.display().to_string(), format!("cannot be read as a picture: {}", fault.trim_end_matches('.')))
 }
 
+/// Refuses a picture of too large a `size` (columns and rows); `path` names it in errors.
+fn check_size(path: &Path, size: [u32; 2]) -> Result<()> {
+    let Some(&side) = size.iter().find(|&&side| side > MAX_SIZE) else { return Ok(()) };
+    let what = format!("{}: picture size in pixels", path.display());
+    Err(Error::Limit { what, need: side.into(), have: MAX_SIZE.into() })
+}
+
 /// Returns an empty frame of `size` (columns and rows); `path` names the picture in errors.
 fn frame(path: &Path, size: [u32; 2]) -> Result<Frame> {
-    if let Some(&side) = size.iter().find(|&&side| side > MAX_SIZE) {
-        let what = format!("{}: picture size in pixels", path.display());
-        return Err(Error::Limit { what, need: side.into(), have: MAX_SIZE.into() });
-    }
+    check_size(path, size)?;
     Frame::transparent(size)
 }
 
@@ -95,14 +99,17 @@ struct ExrPixels {
 fn read_exr(path: &Path) -> Result<Frame> {
     // The decoder's error would not say that a file is missing, so the file is opened first.
     File::open(path).map_err(Error::io("open", path))?;
+    let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
+    // The decoder takes memory for a block of pixels as large as the header says, so headers are checked before.
+    let described = exr::meta::MetaData::read_from_file(path, false).map_err(|fault| broken(path, fault))?;
+    for header in &described.headers {
+        check_size(path, [side(header.layer_size.x()), side(header.layer_size.y())])?;
+    }
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
         .rgba_channels(
-            |size, _| {
-                let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
-                ExrPixels { columns: size.x(), frame: frame(path, [side(size.x()), side(size.y())]) }
-            },
+            |size, _| ExrPixels { columns: size.x(), frame: frame(path, [side(size.x()), side(size.y())]) },
             |pixels: &mut ExrPixels, at, (r, g, b, a): (f32, f32, f32, f32)| {
                 if let Ok(frame) = &mut pixels.frame {
                     let first = 4 * (at.y() * pixels.columns + at.x());

@@ -309,3 +309,89 @@ fn the_commands_of_the_page_on_clusters_run() {
     assert!(bytes(&folder, "gyroid.adjs/preview.adj") == bytes(&folder, "steps.adjs/preview.adj"));
     assert!(folder.names().contains(&"steps.png".into()));
 }
+
+#[test]
+fn an_output_does_not_replace_a_file_of_the_collection_that_is_read() {
+    let folder = Folder::new();
+    folder.adj("build phantom:gyroid --dims 24x20x16 --range 90.. -q -o a.adj").done();
+    folder.adj("split a.adj -o slabs.adjs --slab 8 --preview 2").done();
+    let brick = "slabs.adjs/brick-0-00000-00000-00000.adj";
+    for own in [brick, "slabs.adjs/preview.adj", "slabs.adjs/collection.json"] {
+        folder.adj(&format!("join slabs.adjs -o {own}")).refused(&["--output", "is a file of the collection"]);
+        for flags in ["", "--bricks", "--preview"] {
+            folder
+                .adj(&format!("render slabs.adjs {flags} --size 8x8 -o o.png --stats {own}"))
+                .refused(&["--stats", "is a file of the collection"]);
+        }
+    }
+    folder.adj("verify slabs.adjs").done();
+    assert_eq!(folder.names(), ["a.adj", "slabs.adjs"]);
+    folder.adj("join slabs.adjs -o slabs.adjs/whole.adj").done();
+}
+
+#[test]
+fn finishing_again_makes_a_whole_preview_though_its_parts_are_gone() {
+    let folder = Folder::new();
+    let volume = "phantom:gyroid --dims 24x20x16";
+    folder.adj(&format!("brick plan {volume} --range 90.. --slab 4 --preview 2 -o plan.json")).done();
+    for brick in 0..4 {
+        folder.adj(&format!("brick scan plan.json {brick} {volume} -o found-{brick}.json")).done();
+    }
+    folder.adj("brick agree plan.json found-0.json found-1.json found-2.json found-3.json -o agreed.json").done();
+    folder.adj("brick agree plan.json found-0.json -o plan.json").refused(&["--output", "is an input too"]);
+    for brick in 0..4 {
+        folder.adj(&format!("brick build agreed.json {brick} {volume} -o a.adjs")).done();
+    }
+    folder.adj("brick finish agreed.json no.adjs").refused(&["no.adjs", "is no folder"]);
+    folder.adj("brick finish agreed.json a.adjs").done();
+    let preview = bytes(&folder, "a.adjs/preview.adj");
+    // The preview is lost.
+    std::fs::remove_file(folder.file("a.adjs/preview.adj")).expect("it is there");
+    folder.adj("brick finish agreed.json a.adjs").done();
+    assert!(bytes(&folder, "a.adjs/preview.adj") == preview, "the lost preview is made again");
+    folder.adj("verify a.adjs").done();
+    // One brick is built again with another description, so only its part of the preview is there.
+    let agreed = std::fs::read_to_string(folder.file("agreed.json")).expect("it is there");
+    folder.write("other.json", agreed.replace("\"name\":\"gyroid\"", "\"name\":\"again\"").as_bytes());
+    folder.adj(&format!("brick build other.json 1 {volume} -o a.adjs")).done();
+    folder.adj("brick finish agreed.json a.adjs").done();
+    assert!(bytes(&folder, "a.adjs/preview.adj") == preview, "the parts of the other bricks are in the preview");
+    // Another step: no brick has a part of it.
+    folder.write("third.json", agreed.replace("\"preview\":2", "\"preview\":3").as_bytes());
+    folder.adj("brick finish third.json a.adjs").done();
+    assert_eq!(folder.adj("info a.adjs --json").json()["preview"]["every"], 3);
+    folder.adj("verify a.adjs").done();
+    let left = std::fs::read_dir(folder.file("a.adjs")).expect("it is there").count();
+    assert_eq!(left, 6, "four bricks, the preview, the manifest");
+}
+
+#[test]
+fn finishing_without_thousands_of_bricks_names_some_of_them() {
+    let folder = Folder::new();
+    let volume = "phantom:gyroid --dims 24x20x16";
+    folder.adj(&format!("brick plan {volume} --slab 16 -o plan.json")).done();
+    folder.adj(&format!("brick scan plan.json 0 {volume} -o found.json")).done();
+    folder.adj("brick agree plan.json found.json -o agreed.json").done();
+    let agreed = std::fs::read_to_string(folder.file("agreed.json")).expect("it is there");
+    folder.write("small.json", agreed.replace("\"bricks\":[[0,0,16]]", "\"bricks\":[[1,1,1]]").as_bytes());
+    std::fs::create_dir(folder.file("a.adjs")).expect("it can be made");
+    let ran = folder.adj("brick finish small.json a.adjs");
+    assert!(ran.stderr.len() < 1000, "{}", ran.stderr);
+    ran.refused(&["have any of: 0, 1, 2", "99 and 7580 more"]);
+}
+
+#[test]
+fn a_picture_that_says_it_has_a_thousand_million_columns_is_refused() {
+    let folder = Folder::new();
+    split(&folder);
+    folder.adj("render a.adjs --bricks --part 1/1 -o 1.exr --size 20x20").done();
+    let mut lying = bytes(&folder, "1.exr");
+    let name = b"dataWindow\0box2i\0";
+    let at = lying.windows(name.len()).position(|part| part == name).expect("every file has it");
+    // The length, and the lowest x and y, come first.
+    let columns = at + name.len() + 12;
+    lying[columns..columns + 4].copy_from_slice(&1_000_000_000i32.to_le_bytes());
+    folder.write("lying.exr", &lying);
+    folder.adj("composite 1.exr lying.exr -o o.png").refused(&["lying.exr", "1000000001", "16384"]);
+    folder.adj("compare 1.exr lying.exr").refused(&["lying.exr", "16384"]);
+}

@@ -2,7 +2,7 @@
 
 use super::super::Answer;
 use super::super::flags::one_line;
-use super::super::join::open;
+use super::super::join::{check_spared, open};
 use super::super::progress::Progress;
 use super::super::renderer::Renderer;
 use super::super::stored::stored_transfer;
@@ -23,6 +23,7 @@ impl RenderJob<'_> {
             return self.draw_preview(settings);
         }
         let collection = open(self.input.path(), arguments.partial)?;
+        self.check_stats(&collection)?;
         if arguments.bricks {
             return self.draw_bricks(&collection, settings);
         }
@@ -44,8 +45,13 @@ impl RenderJob<'_> {
         draw(self, settings, &cameras, LaneSet::new(arena, None), transfer)
     }
 
+    fn check_stats(&self, collection: &Collection) -> Result<()> {
+        self.arguments.stats.as_ref().map_or(Ok(()), |stats| check_spared(collection, "--stats", stats))
+    }
+
     fn draw_preview(&self, settings: Settings) -> Result<Answer> {
         let collection = Collection::open(self.input.path())?;
+        self.check_stats(&collection)?;
         let name = self.input.path().display().to_string();
         let why = "has no preview; draw it without --preview";
         let preview = collection.manifest().preview.as_ref().ok_or_else(|| Error::input(name, why))?;

@@ -164,8 +164,8 @@ impl Manifest {
             return wrong(format!("has {} partitions, but there are 1 to 3", self.partitions.len()));
         }
         for (index, brick) in self.partitions.iter().flatten().enumerate() {
-            if brick.file.as_deref().is_some_and(|file| !is_name(file)) {
-                return wrong(format!("brick {index} has a file outside the folder: {:?}", brick.file));
+            if let Some(file) = brick.file.as_deref().filter(|file| !is_name(file)) {
+                return wrong(format!("brick {index} has a file outside the folder: {file:?}"));
             }
             if (brick.visible_voxels == 0) != brick.file.is_none()
                 || brick.file.is_some() != brick.fingerprint.is_some()

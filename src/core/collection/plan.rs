@@ -34,8 +34,10 @@ use crate::build::{BuildOptions, Observer, Resources, SampleSummary, UnnamedLabe
 use crate::classify::WholeNumbers;
 use crate::error::{Error, Result};
 use crate::file::RowsOutput;
-use crate::limits::Limits;
 use crate::volume::{Grid, Header, SampleType, SlabSource};
+
+/// Most bricks that one message names.
+const MOST_NAMED: usize = 100;
 
 /// How the bricks of a volume are built: what all bricks have in common, and what scans have found so far.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -415,6 +417,9 @@ impl Plan {
     /// the errors of [`AdjFile::open`](crate::file::AdjFile::open).
     pub fn finish(&self, folder: &Path, observer: &mut dyn Observer) -> Result<Collection> {
         let (encoder, loss) = self.agreed()?;
+        if !folder.is_dir() {
+            return Err(Error::input(folder.display().to_string(), "is no folder; build the bricks into one first"));
+        }
         let facts = self.facts(&encoder);
         let mut all = Vec::new();
         let mut first = 0;
@@ -424,9 +429,12 @@ impl Plan {
             let voxels: u64 = entries.iter().map(|entry| entry.visible_voxels).sum();
             if voxels != facts.visible_voxels {
                 let absent = entries.iter().enumerate().filter(|(_, entry)| entry.file.is_none());
-                let absent: Vec<String> = absent.map(|(index, _)| (first + index).to_string()).collect();
+                let mut absent: Vec<String> = absent.map(|(index, _)| (first + index).to_string()).collect();
+                let unnamed = absent.len().saturating_sub(MOST_NAMED);
+                absent.truncate(MOST_NAMED);
+                let more = if unnamed > 0 { format!(" and {unnamed} more") } else { String::new() };
                 let why = match voxels < facts.visible_voxels && !absent.is_empty() {
-                    true => format!("build those bricks that have any of: {}", absent.join(", ")),
+                    true => format!("build those bricks that have any of: {}{more}", absent.join(", ")),
                     false => "build its bricks again with this plan".into(),
                 };
                 let why = format!("{voxels} of {} visible voxels are there; {why}", facts.visible_voxels);
@@ -458,14 +466,14 @@ impl Plan {
         if every == 1 {
             return Ok(None);
         }
-        // The parts are gone once a collection is finished.
-        let finished = Manifest::read(folder, &Limits::default()).ok().filter(|old| old.partitions == bricks);
-        if let Some(preview) = finished.and_then(|old| old.preview).filter(|preview| preview.every == every) {
+        let old = Collection::open(folder).ok();
+        let finished = old.filter(|old| old.manifest().partitions == bricks && old.preview().is_some());
+        if let Some(preview) = finished.and_then(|old| old.manifest().preview.clone().filter(|it| it.every == every)) {
             return Ok(Some(preview));
         }
         let (lane_count, memory, threads) = (self.options.lane_count, None, 1);
         let output = RowsOutput { facts: facts.clone(), description, lane_count, memory, threads };
-        join_preview(folder, self.partitions()?[0].boxes(), every, &output, observer)
+        join_preview(folder, &bricks[0], every, &output, observer)
     }
 
     /// Returns how many grid points along each axis a voxel of the preview stands for; 1 if there is to be none.

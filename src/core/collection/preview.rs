@@ -10,6 +10,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::BrickEntry;
 use super::joined::JoinedRows;
 use super::manifest::fingerprint;
 use super::split::BrickPlace;
@@ -95,6 +96,24 @@ struct EveryNth<'a> {
     dims: [u32; 3],
 }
 
+impl<'a> EveryNth<'a> {
+    /// Returns those of `rows`, which are of the brick in `region`, that a preview of every `every`-th point has.
+    fn of_brick(rows: &'a dyn Rows, region: &Region, every: u32) -> EveryNth<'a> {
+        let (part, low) = (part_of(region, every), region.low());
+        let first = std::array::from_fn(|a| part.low()[a] * every - low[a]);
+        EveryNth { rows, every, first, dims: part.size() }
+    }
+
+    /// Counts the voxels.
+    fn count(&self) -> Result<u64> {
+        let mut voxels = 0u64;
+        if !self.dims.contains(&0) {
+            self.read(Region::of_grid(self.dims), &mut |_, _, found| voxels += found.len() as u64)?;
+        }
+        Ok(voxels)
+    }
+}
+
 impl Rows for EveryNth<'_> {
     fn dims(&self) -> [u32; 3] {
         self.dims
@@ -151,13 +170,8 @@ impl BrickPlace {
         observer: &mut dyn Observer,
     ) -> Result<()> {
         let part = part_of(&self.region, every);
-        let (low, dims) = (self.region.low(), part.size());
-        let first = std::array::from_fn(|a| part.low()[a] * every - low[a]);
-        let rows = EveryNth { rows, every, first, dims };
-        let mut voxels = 0u64;
-        if !part.is_empty() {
-            rows.read(Region::of_grid(dims), &mut |_, _, found| voxels += found.len() as u64)?;
-        }
+        let rows = EveryNth::of_brick(rows, &self.region, every);
+        let voxels = rows.count()?;
         let path = folder.join(self.preview_file());
         if voxels == 0 {
             return remove_if_there(&path);
@@ -177,39 +191,49 @@ pub(super) fn remove_if_there(path: &Path) -> Result<()> {
     }
 }
 
-/// Joins the parts of the preview in `folder`, which bricks in `boxes` left there, to one file; `None` if there are none.
-/// `output` and its facts are those of the joined file of all voxels.
+/// Joins the parts of the preview in `folder` that the builds of `bricks` left there to one file; `None` if it has no voxels.
+/// A part that is not there is read from its brick. `output` and its facts are those of the joined file of all voxels.
 pub(super) fn join_preview(
     folder: &Path,
-    boxes: impl Iterator<Item = Region>,
+    bricks: &[BrickEntry],
     every: u32,
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<Option<PreviewEntry>> {
     let whole = &output.facts;
     let grid = preview_grid(&whole.grid, every);
-    let mut parts = Vec::new();
-    for region in boxes {
+    let (mut parts, mut sources) = (Vec::new(), Vec::new());
+    for entry in bricks {
+        let (region, Some(file)) = (entry.region(), &entry.file) else { continue };
+        let place = part_of(&region, every);
         let path = folder.join(BrickPlace { partition: 0, region: region.clone() }.preview_file());
-        if !path.exists() {
-            continue;
+        // Once it is open, a process that finishes too may remove it.
+        if let Some(file) = opened_if_there(&path)? {
+            let arena = file.arena()?;
+            let found = arena.facts();
+            let expected = unnamed(place.grid(&grid));
+            if (found.channels, found.scales, &found.grid) != (whole.channels, whole.scales, &expected) {
+                return Err(Error::input(path.display().to_string(), "is of another plan; build its brick again"));
+            }
+            parts.push((place, file));
+        } else if !place.is_empty() {
+            sources.push((region, AdjFile::open(&folder.join(file))?));
         }
-        let (file, place) = (AdjFile::open(&path)?, part_of(&region, every));
-        let arena = file.arena()?;
-        let found = arena.facts();
-        if (found.channels, found.scales, &found.grid) != (whole.channels, whole.scales, &unnamed(place.grid(&grid))) {
-            return Err(Error::input(path.display().to_string(), "is of another plan; build its brick again"));
-        }
-        parts.push((place, file));
     }
-    if parts.is_empty() {
+    let bricks_without = sources.iter().map(|(region, file)| Ok((region, lane_rows(file)?)));
+    let bricks_without = bricks_without.collect::<Result<Vec<_>>>()?;
+    let joined = parts.iter().map(|(place, file)| Ok((place.clone(), lane_rows(file)?)));
+    let mut bricks = joined.collect::<Result<Vec<(Region, Box<dyn Rows + '_>)>>>()?;
+    for (region, rows) in &bricks_without {
+        let kept = EveryNth::of_brick(&**rows, region, every);
+        if kept.count()? > 0 {
+            bricks.push((part_of(region, every), Box::new(kept)));
+        }
+    }
+    if bricks.is_empty() {
         return Ok(None);
     }
-    let mut bricks: Vec<(Region, Box<dyn Rows + '_>)> = Vec::new();
-    for (place, file) in &parts {
-        let lane = file.arena()?.lane(Axis::X).expect("every arena that opens has the lane along x");
-        bricks.push((place.clone(), Box::new(LaneRows::new(lane, |_, _, record| Some(record)))));
-    }
+    bricks.sort_by_key(|(place, _)| (place.zs.start, place.ys.start, place.xs.start));
     let rows = JoinedRows { dims: grid.dims, channels: whole.channels, bricks };
     let description = description(output.description, &whole.grid, every);
     let path = folder.join(PREVIEW);
@@ -218,6 +242,20 @@ pub(super) fn join_preview(
     let number = AdjFile::open(&path)?.arena()?.fingerprint();
     let (visible_voxels, fingerprint) = (facts.visible_voxels, fingerprint(number));
     Ok(Some(PreviewEntry { file: PREVIEW.into(), every, visible_voxels, fingerprint }))
+}
+
+/// Returns the rows of a file.
+fn lane_rows(file: &AdjFile) -> Result<Box<dyn Rows + '_>> {
+    let lane = file.arena()?.lane(Axis::X).expect("every arena that opens has the lane along x");
+    Ok(Box::new(LaneRows::new(lane, |_, _, record| Some(record))))
+}
+
+/// Opens a file that may be absent.
+fn opened_if_there(path: &Path) -> Result<Option<AdjFile>> {
+    match AdjFile::open(path) {
+        Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        opened => opened.map(Some),
+    }
 }
 
 /// Removes the parts of the preview of bricks in `boxes`.

@@ -62,10 +62,10 @@ pub fn split(
             }
             all.push(bricks);
         }
-        let preview = match partitions.first() {
-            Some(first) if every > 1 => {
+        let preview = match (partitions.first(), all.first()) {
+            (Some(first), Some(bricks)) if every > 1 => {
                 let output = RowsOutput { facts: whole.clone(), description: text, lane_count, memory, threads };
-                let preview = join_preview(folder, first.boxes(), every, &output, observer)?;
+                let preview = join_preview(folder, bricks, every, &output, observer)?;
                 remove_parts(folder, first.boxes())?;
                 preview
             }
