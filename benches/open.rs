@@ -22,7 +22,7 @@ use criterion::{Criterion, Throughput};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Four bytes a record: what a shaded scene has.
-const CHANNELS: Channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0 };
+const CHANNELS: Channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0, coverage_bits: 0 };
 
 /// A file, and what is in it.
 struct Content {
@@ -46,7 +46,8 @@ fn file_of(phantom: &Phantom, edge: u64) -> Content {
         for y in 0..edge {
             let row = usize::from(y) * usize::from(edge);
             let visible = (0..edge).filter(|&x| (low..=high).contains(&slice.get(row + usize::from(x))));
-            let records = visible.map(|x| (x, Record { value: x % 251, normal: u32::from(x ^ y ^ z), magnitude: 0 }));
+            let records = visible
+                .map(|x| (x, Record { value: x % 251, normal: u32::from(x ^ y ^ z), magnitude: 0, coverage: 0 }));
             packer.line(
                 y,
                 z,

@@ -21,13 +21,18 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 fn block() -> (Facts, Vec<OwnedLane>, TransferFunction) {
     let side = if runs_once() { 24 } else { 96 };
     let grid = Grid::new([u64::from(side); 3], [1.0; 3]).expect("a grid");
-    let channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0 };
+    let channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0, coverage_bits: 0 };
     let mut packer = LanePacker::new(Axis::X, grid.dims, channels, TileOrder::Morton);
     for z in 0..side {
         for y in 0..side {
             let record = |x: u16| {
                 let gradient = [f64::from(x) - 47.3, f64::from(y) - 40.1, f64::from(z) - 51.7];
-                Record { value: (x * 3 + y * 5 + z) % 256, normal: normal::encode8(gradient).into(), magnitude: 0 }
+                Record {
+                    value: (x * 3 + y * 5 + z) % 256,
+                    normal: normal::encode8(gradient).into(),
+                    magnitude: 0,
+                    coverage: 0,
+                }
             };
             packer.line(y, z, (0..side).map(|x| (x, record(x))));
         }

@@ -174,7 +174,7 @@ impl Codes {
         };
         let magnitudes = self.magnitude.as_ref().zip(added.magnitudes.as_ref());
         let magnitude = magnitudes.map_or(0, |(codec, magnitudes)| codec.encode(magnitudes[index]));
-        Ok(Record { value, normal, magnitude })
+        Ok(Record { value, normal, magnitude, coverage: 0 })
     }
 
     /// Returns the code nearest to `value`.

@@ -182,7 +182,7 @@ async fn fetch(remote: &Weak<Remote>, axis: Axis, device: &Weak<async_lock::Mute
     for part in parts {
         let Some((remote, device)) = remote.upgrade().zip(device.upgrade()) else { return Ok(()) };
         let read = remote.source.read(&part.ranges).await?;
-        let channels: [&[u8]; 4] = std::array::from_fn(|channel| &read[channel][..]);
+        let channels: [&[u8]; 5] = std::array::from_fn(|channel| &read[channel][..]);
         device.lock().await.receive(&lane, part.first, channels).await?;
         check.add(channels);
         codes.add(lane.channels, channels);

@@ -78,7 +78,7 @@ fn parts_are_the_channels_of_a_lane() {
         let lane = arena.lane(axis).unwrap();
         let parts = directory.parts(axis, 300..=1_000);
         assert!(parts.len() > 8, "{parts:?}");
-        let (mut channels, mut counts) = ([const { Vec::new() }; 4], CodeCounts::default());
+        let (mut channels, mut counts) = ([const { Vec::new() }; 5], CodeCounts::default());
         let mut check = directory.channel_check(axis);
         for part in &parts {
             let bytes = part.ranges.each_ref().map(|range| bytes_of(&whole, range));
@@ -92,7 +92,7 @@ fn parts_are_the_channels_of_a_lane() {
         check.finish("ball.adj").unwrap();
         assert_eq!(
             channels.each_ref().map(|bytes| &bytes[..]),
-            [lane.steps, lane.values, lane.normals, lane.magnitudes]
+            [lane.steps, lane.values, lane.normals, lane.magnitudes, lane.coverages]
         );
         assert_eq!(counts, CodeCounts::of(&lane));
         assert_eq!(counts.largest(), lane.largest_value_code());

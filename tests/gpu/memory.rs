@@ -56,7 +56,7 @@ fn dust_beside_a_solid_stays_within() {
     let grid = Grid::new([192, 192, 1_600], [1.0; 3]).unwrap();
     let tile_order = TileOrder::Morton;
     let lanes = vec![lane(Axis::X, grid.dims, PLAIN, tile_order, |[x, _, z]| {
-        (x == 0 || z >= 1_560).then_some(Record { value: 200, normal: 0, magnitude: 0 })
+        (x == 0 || z >= 1_560).then_some(Record { value: 200, normal: 0, magnitude: 0, coverage: 0 })
     })];
     let visible_voxels = lanes[0].view().record_count();
     let facts = Facts { grid, channels: PLAIN, tile_order, scales: CODES, visible_voxels };

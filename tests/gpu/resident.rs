@@ -151,12 +151,12 @@ fn records_of_another_lane_are_refused() {
         assert!(matches!(&fault, Error::Input { what, .. } if what == "records"), "{fault}");
     };
     let zeros = [0; 64];
-    let [steps, values, normals, magnitudes] = lane.channels.widths().map(|width| &zeros[..4 * width]);
-    refused(&lane, 2, [steps, values, normals, magnitudes]);
-    refused(&lane, lane.record_count() / 4 * 4, [steps, values, normals, magnitudes]);
-    refused(&lane, u64::MAX - 3, [steps, values, normals, magnitudes]);
-    refused(&lane, 0, [steps, values, normals, &[]]);
-    refused(&lane, 0, [&steps[..3], &values[..3], &normals[..6], &magnitudes[..3]]);
+    let [steps, values, normals, magnitudes, coverages] = lane.channels.widths().map(|width| &zeros[..4 * width]);
+    refused(&lane, 2, [steps, values, normals, magnitudes, coverages]);
+    refused(&lane, lane.record_count() / 4 * 4, [steps, values, normals, magnitudes, coverages]);
+    refused(&lane, u64::MAX - 3, [steps, values, normals, magnitudes, coverages]);
+    refused(&lane, 0, [steps, values, normals, &[], coverages]);
+    refused(&lane, 0, [&steps[..3], &values[..3], &normals[..6], &magnitudes[..3], coverages]);
     let whole = Model::from_bytes(file.clone()).unwrap();
-    refused(&whole.lane(Axis::X).unwrap(), 0, [steps, values, normals, magnitudes]);
+    refused(&whole.lane(Axis::X).unwrap(), 0, [steps, values, normals, magnitudes, coverages]);
 }

@@ -39,6 +39,7 @@ fn shell() -> Built {
             value: (x % 256 * 5 + y * 3 + z * 7) % 256,
             normal: u32::from(normal::encode8(d)),
             magnitude: 0,
+            coverage: 0,
         })
     })
 }
@@ -385,7 +386,8 @@ fn a_crop_shows_what_a_smaller_volume_would() {
     let mut records = std::collections::HashMap::new();
     for line in lane.lines() {
         for (x, record) in lane.line_voxels(line.records.clone()) {
-            let codes = Record { value: lane.value_code(record), normal: lane.normal_code(record), magnitude: 0 };
+            let codes =
+                Record { value: lane.value_code(record), normal: lane.normal_code(record), magnitude: 0, coverage: 0 };
             records.insert([x, line.u, line.v].map(|c| u16::try_from(c).unwrap()), codes);
         }
     }
@@ -406,7 +408,8 @@ fn a_clip_plane_shows_what_a_volume_without_the_voxels_behind_it_would() {
     let mut records = std::collections::HashMap::new();
     for line in lane.lines() {
         for (x, record) in lane.line_voxels(line.records.clone()) {
-            let codes = Record { value: lane.value_code(record), normal: lane.normal_code(record), magnitude: 0 };
+            let codes =
+                Record { value: lane.value_code(record), normal: lane.normal_code(record), magnitude: 0, coverage: 0 };
             records.insert([x, line.u, line.v].map(|c| u16::try_from(c).unwrap()), codes);
         }
     }
@@ -467,7 +470,7 @@ fn a_normal_and_its_opposite_look_the_same() {
         let transfer = ramp();
         packed(Grid::new([12, 12, 12], [1.0; 3]).unwrap(), LIT, transfer, move |[x, y, z]| {
             let gradient = [f64::from(x) - 5.2, f64::from(y) - 5.7, f64::from(z) - 4.1].map(|c| sign * c);
-            Some(Record { value: 100, normal: u32::from(normal::encode8(gradient)), magnitude: 0 })
+            Some(Record { value: 100, normal: u32::from(normal::encode8(gradient)), magnitude: 0, coverage: 0 })
         })
     };
     let (one, other) = (lit(1.0), lit(-1.0));

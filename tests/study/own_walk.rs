@@ -25,7 +25,7 @@ fn lanes(dims: [u32; 3], sparsity: u64, tile_order: TileOrder) -> [OwnedLane; 3]
         let mixed = (clump ^ clump >> 17).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         (mixed >> 33).is_multiple_of(sparsity)
     };
-    let record = Record { value: 7, normal: 9, magnitude: 0 };
+    let record = Record { value: 7, normal: 9, magnitude: 0, coverage: 0 };
     Axis::ALL.map(|axis| lane(axis, dims, LIT, tile_order, |at| visible(at.map(u32::from)).then_some(record)))
 }
 

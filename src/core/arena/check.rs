@@ -12,7 +12,7 @@
 //! ```
 //!
 //! The sums show without sorting that all lanes hold the same voxels: a sum of hashes over (position, value, normal,
-//! magnitude) does not depend on order. The hash is keyed by the file's fingerprint, so that no file can be crafted to
+//! magnitude, coverage) does not depend on order. The hash is keyed by the file's fingerprint, so that no file can be crafted to
 //! fit it. Lanes that differ have equal sums with a probability of about 2^-64.
 
 use std::fmt;
@@ -217,7 +217,7 @@ struct LaneCheck<'a> {
     facts: &'a Facts,
     hash: VoxelHash,
     /// Byte offsets of the lane's sections in the file, in the order of [`SectionKind::OF_LANES`].
-    offsets: [u64; 6],
+    offsets: [u64; 7],
     follow_line: FollowLine,
     stepping_voxels: u64,
     sum: u64,
@@ -392,7 +392,7 @@ impl<'a> LaneCheck<'a> {
     /// Returns the fault for the first stepping voxel of a line with a code that is not 0. R18.
     fn stray_fault(&self, records: Range<usize>) -> FormatFault {
         let lane = &self.lane;
-        let channels = [lane.values, lane.normals, lane.magnitudes].into_iter();
+        let channels = [lane.values, lane.normals, lane.magnitudes, lane.coverages].into_iter();
         let [_, widths @ ..] = lane.channels.widths();
         for record in records.clone().filter(|&record| lane.steps[record] == 0) {
             for ((channel, width), offset) in channels.clone().zip(widths).zip(&self.offsets[3..]) {
@@ -428,7 +428,7 @@ impl VoxelHash {
         VoxelHash { key: [xxh3_64(&key.to_le_bytes()), key] }
     }
 
-    /// Hashes x, y, z and value (`place`, 16 bits each), normal and magnitude (`shading`, 32 bits and above).
+    /// Hashes x, y, z and value (`place`, 16 bits each), normal, magnitude and coverage (`shading`, 32, 8 and 8 bits).
     #[inline(always)]
     fn of(self, place: u64, shading: u64) -> u64 {
         let folded = fold(place ^ self.key[0], 0x9e37_79b9_7f4a_7c15);
@@ -445,11 +445,12 @@ fn fold(a: u64, b: u64) -> u64 {
     halves.0 ^ halves.1
 }
 
-/// Adds up the steps of a line and hashes its voxels; `V`, `N` and `M` are the bytes of a value, normal and magnitude.
+/// Adds up the steps of a line and hashes its voxels; `V`, `N`, `M` and `C` are the bytes of a value, normal, magnitude
+/// and coverage.
 ///
 /// `records` must lie inside the channels and number at most 65,535. `place` holds the line's two coordinates.
 #[inline(always)]
-fn follow_line<const V: usize, const N: usize, const M: usize>(
+fn follow_line<const V: usize, const N: usize, const M: usize, const C: usize>(
     lane: &Lane,
     records: Range<usize>,
     place: u64,
@@ -460,11 +461,13 @@ fn follow_line<const V: usize, const N: usize, const M: usize>(
     let values = &lane.values[V * from..][..V * count];
     let normals = &lane.normals[N * from..][..N * count];
     let magnitudes = &lane.magnitudes[M * from..][..M * count];
+    let coverages = &lane.coverages[C * from..][..C * count];
     let shift = shift(lane.axis);
     let mut outcome = LineOutcome { end: 0, stepping_voxels: 0, stray: 0, sum: 0 };
     for (record, &step) in steps.iter().enumerate() {
         let value = number::<V>(values, record);
-        let shading = number::<N>(normals, record) | number::<M>(magnitudes, record) << 32;
+        let shading =
+            number::<N>(normals, record) | number::<M>(magnitudes, record) << 32 | number::<C>(coverages, record) << 40;
         if step == 0 {
             outcome.end += STEPPING;
             outcome.stepping_voxels += 1;
@@ -480,19 +483,26 @@ fn follow_line<const V: usize, const N: usize, const M: usize>(
 
 /// Returns the version of [`follow_line`] that is compiled for these widths.
 fn follow_line_by_width(channels: Channels) -> FollowLine {
+    match channels.coverage_bits {
+        0 => follow_line_of::<0>(channels),
+        _ => follow_line_of::<1>(channels),
+    }
+}
+
+fn follow_line_of<const C: usize>(channels: Channels) -> FollowLine {
     match (channels.value_bits, channels.normal_bits, channels.magnitude_bits) {
-        (8, 0, 0) => follow_line::<1, 0, 0>,
-        (8, 0, _) => follow_line::<1, 0, 1>,
-        (8, 8, 0) => follow_line::<1, 2, 0>,
-        (8, 8, _) => follow_line::<1, 2, 1>,
-        (8, _, 0) => follow_line::<1, 4, 0>,
-        (8, _, _) => follow_line::<1, 4, 1>,
-        (_, 0, 0) => follow_line::<2, 0, 0>,
-        (_, 0, _) => follow_line::<2, 0, 1>,
-        (_, 8, 0) => follow_line::<2, 2, 0>,
-        (_, 8, _) => follow_line::<2, 2, 1>,
-        (_, _, 0) => follow_line::<2, 4, 0>,
-        (_, _, _) => follow_line::<2, 4, 1>,
+        (8, 0, 0) => follow_line::<1, 0, 0, C>,
+        (8, 0, _) => follow_line::<1, 0, 1, C>,
+        (8, 8, 0) => follow_line::<1, 2, 0, C>,
+        (8, 8, _) => follow_line::<1, 2, 1, C>,
+        (8, _, 0) => follow_line::<1, 4, 0, C>,
+        (8, _, _) => follow_line::<1, 4, 1, C>,
+        (_, 0, 0) => follow_line::<2, 0, 0, C>,
+        (_, 0, _) => follow_line::<2, 0, 1, C>,
+        (_, 8, 0) => follow_line::<2, 2, 0, C>,
+        (_, 8, _) => follow_line::<2, 2, 1, C>,
+        (_, _, 0) => follow_line::<2, 4, 0, C>,
+        (_, _, _) => follow_line::<2, 4, 1, C>,
     }
 }
 

@@ -29,8 +29,8 @@ impl CodeCounts {
         counts
     }
 
-    /// Counts the voxels of some records, given their steps, values, normals and magnitudes.
-    pub fn add(&mut self, channels: Channels, [steps, values, _, magnitudes]: [&[u8]; 4]) {
+    /// Counts the voxels of some records, given their steps, values, normals, magnitudes and coverages.
+    pub fn add(&mut self, channels: Channels, [steps, values, _, magnitudes, _]: [&[u8]; 5]) {
         let is_wide = channels.value_bits == 16;
         for (record, _) in steps.iter().enumerate().filter(|(_, step)| **step != 0) {
             let value = match is_wide {

@@ -26,7 +26,7 @@ pub struct Directory {
     whole: u64,
     runs: Vec<Run>,
     facts: Facts,
-    channels: [Option<[Channel; 4]>; 3],
+    channels: [Option<[Channel; 5]>; 3],
 }
 
 /// Neighbouring sections: where they lie in the file, and from where on in the directory.
@@ -50,8 +50,8 @@ struct Channel {
 pub struct LanePart {
     /// The index of the first record: a multiple of 4.
     pub first: u64,
-    /// The bytes of the file with their steps, values, normals and magnitudes; empty for channels that are not stored.
-    pub ranges: [Range<u64>; 4],
+    /// The bytes of the file with their steps, values, normals, magnitudes and coverages; empty for channels that are not stored.
+    pub ranges: [Range<u64>; 5],
 }
 
 impl Directory {
@@ -97,8 +97,8 @@ impl Directory {
                     Channel { offset: offset.get(), bytes: bytes.get(), width: element_bytes.into(), xxh3: xxh3.get() }
                 })
             };
-            let [.., steps, values, normals, magnitudes] = places.map(channel);
-            Some([steps, values, normals, magnitudes])
+            let [_, _, channels @ ..] = places.map(channel);
+            Some(channels)
         });
         let old: Vec<SectionEntry> = head.table.iter().filter(|entry| is_kept(entry)).copied().collect();
         let mut table = old.clone();
@@ -202,7 +202,7 @@ impl Directory {
     /// Returns a check of the channels of the lane along `axis`, which arrive in parts.
     pub fn channel_check(&self, axis: Axis) -> ChannelCheck {
         let stored = self.channels[axis.index()].unwrap_or_default();
-        ChannelCheck { hashes: [const { Xxh3::new() }; 4], wanted: stored.map(|channel| channel.xxh3) }
+        ChannelCheck { hashes: [const { Xxh3::new() }; 5], wanted: stored.map(|channel| channel.xxh3) }
     }
 
     /// Returns the arena: its lanes have tiles and line ends, but no channels; `codes` counts what these hold.
@@ -217,13 +217,13 @@ impl Directory {
 
 /// Checks channels whose bytes arrive in parts.
 pub struct ChannelCheck {
-    hashes: [Xxh3; 4],
-    wanted: [u64; 4],
+    hashes: [Xxh3; 5],
+    wanted: [u64; 5],
 }
 
 impl ChannelCheck {
-    /// Takes the steps, values, normals and magnitudes of the next part.
-    pub fn add(&mut self, channels: [&[u8]; 4]) {
+    /// Takes the steps, values, normals, magnitudes and coverages of the next part.
+    pub fn add(&mut self, channels: [&[u8]; 5]) {
         self.hashes.iter_mut().zip(channels).for_each(|(hash, bytes)| hash.update(bytes));
     }
 

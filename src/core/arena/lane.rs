@@ -104,6 +104,8 @@ pub struct Lane<'a> {
     pub normals: &'a [u8],
     /// Magnitude codes, 0 or 1 byte per record.
     pub magnitudes: &'a [u8],
+    /// Coverage codes, 0 or 1 byte per record: how much of a voxel is visible.
+    pub coverages: &'a [u8],
     /// Tells of channels that are not in memory: then those above are empty.
     pub elsewhere: Option<Elsewhere<'a>>,
     /// Lines and records of the tiles that an [overlay](super::Overlay) changed. Their indices continue the lane's own.
@@ -132,7 +134,7 @@ impl<'a> Lane<'a> {
     #[inline]
     pub fn about_to_read(&self, records: Range<usize>) {
         if self.pager.is_some() {
-            let channels = [self.steps, self.values, self.normals, self.magnitudes];
+            let channels = [self.steps, self.values, self.normals, self.magnitudes, self.coverages];
             for (channel, width) in channels.into_iter().zip(self.channels.widths()) {
                 let end = records.end.saturating_mul(width).min(channel.len());
                 let start = records.start.saturating_mul(width).min(end);
@@ -188,7 +190,8 @@ impl<'a> Lane<'a> {
     /// Returns the size of all sections of the lane in bytes, without padding, wherever they are.
     pub fn bytes(&self) -> u64 {
         let directory = size_of_val(self.tiles) + self.line_ends.as_bytes().len();
-        let own = directory + self.steps.len() + self.values.len() + self.normals.len() + self.magnitudes.len();
+        let channels = [self.steps, self.values, self.normals, self.magnitudes, self.coverages];
+        let own = directory + channels.map(<[u8]>::len).iter().sum::<usize>();
         let elsewhere = self.elsewhere.map_or(0, |elsewhere| elsewhere.records);
         own as u64
             + elsewhere.saturating_mul(self.channels.record_bytes())
@@ -346,6 +349,7 @@ impl<'a> Lane<'a> {
             value: self.value_code(record),
             normal: self.normal_code(record),
             magnitude: self.magnitude_code(record),
+            coverage: if self.channels.coverage_bits == 0 { 0 } else { self.coverage_code(record) },
         }
     }
 
@@ -378,5 +382,16 @@ impl<'a> Lane<'a> {
         }
         let code = self.magnitudes.get(record).copied();
         code.unwrap_or_else(|| self.patched(record, |patch, record| patch.magnitude_code(record)))
+    }
+
+    /// Returns the coverage code of `record`: how much of the voxel is visible. 255, all of it, if the lane stores no
+    /// coverages; 0 past the last record.
+    #[inline(always)]
+    pub fn coverage_code(&self, record: usize) -> u8 {
+        if self.channels.coverage_bits == 0 {
+            return 255;
+        }
+        let code = self.coverages.get(record).copied();
+        code.unwrap_or_else(|| self.patched(record, |patch, record| patch.coverage_code(record)))
     }
 }

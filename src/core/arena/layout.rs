@@ -9,7 +9,8 @@
 //!  256  section table, 32 bytes an entry       /
 //!       description (JSON)                      sections in table order, each filled up with zeros to a
 //!       for each lane: tiles, line ends,        multiple of 256 bytes, the last one too: R5, R21
-//!       steps, values, normals, magnitudes
+//!       steps, values, normals, magnitudes,
+//!       coverages
 //! ```
 
 use std::mem::{offset_of, size_of};
@@ -26,8 +27,9 @@ use crate::volume::{Axis, Grid};
 pub const MAGIC: [u8; 8] = *b"\x89ADJ\r\n\x1a\n";
 /// Major version of the format. Readers refuse any other, because the bytes would have another meaning.
 pub const MAJOR: u16 = 1;
-/// Minor version of the format. A higher minor version only adds section kinds that readers may skip.
-pub const MINOR: u16 = 0;
+/// Minor version of files that hold what version 1.0 does not know; others have 0. A higher minor version only adds section
+/// kinds that readers may skip.
+pub const MINOR: u16 = 1;
 /// Sections start at multiples of this many bytes, so that each can be bound as a GPU storage buffer. The last section
 /// is padded too: uploads in words of four bytes may read past a section's end.
 pub const ALIGNMENT: u64 = 256;
@@ -37,7 +39,7 @@ pub const TILE_EDGE: u16 = 8;
 pub const OPTIONAL_KINDS: u16 = 0x8000;
 /// Longest scan line, in grid points, whose end is stored in two bytes: 64 such lines have at most 65,535 records.
 pub const NARROW_LINE: u32 = 1_023;
-/// Largest number of sections in a file; three complete lanes need 19.
+/// Largest number of sections in a file; three complete lanes need 22.
 pub const MAX_SECTIONS: u32 = 1_024;
 
 /// The first 256 bytes of a file.
@@ -48,7 +50,7 @@ pub struct FileHeader {
     pub magic: [u8; 8],
     /// Always [`MAJOR`]. R2.
     pub major: U16,
-    /// [`MINOR`] or a higher minor version. R2.
+    /// 0, [`MINOR`] or a higher minor version. R2.
     pub minor: U16,
     /// Number of entries in the section table, at most [`MAX_SECTIONS`]. R5.
     pub section_count: U32,
@@ -211,17 +213,20 @@ pub enum SectionKind {
     Normals = 6,
     /// For each record: the code of the gradient magnitude.
     Magnitudes = 7,
+    /// For each record: the code of the voxel's coverage. Optional: a file without it has voxels that are wholly visible.
+    Coverage = 0x8010,
 }
 
 impl SectionKind {
     /// The kinds of a lane's sections, in file order.
-    pub const OF_LANES: [SectionKind; 6] = [
+    pub const OF_LANES: [SectionKind; 7] = [
         SectionKind::Tiles,
         SectionKind::LineEnds,
         SectionKind::Steps,
         SectionKind::Values,
         SectionKind::Normals,
         SectionKind::Magnitudes,
+        SectionKind::Coverage,
     ];
 
     /// Returns whether the section is a channel: it has an element for each record.
@@ -238,13 +243,22 @@ impl SectionKind {
             SectionKind::Values => channels.value_bits / 8,
             SectionKind::Normals => channels.normal_bits / 4,
             SectionKind::Magnitudes => channels.magnitude_bits / 8,
+            SectionKind::Coverage => channels.coverage_bits / 8,
         }
     }
 
     /// Returns the kind's name, for use in messages.
     pub const fn name(self) -> &'static str {
-        let names = ["description", "tiles", "line ends", "steps", "values", "normals", "magnitudes"];
-        names[self as usize - SectionKind::Description as usize]
+        match self {
+            SectionKind::Description => "description",
+            SectionKind::Tiles => "tiles",
+            SectionKind::LineEnds => "line ends",
+            SectionKind::Steps => "steps",
+            SectionKind::Values => "values",
+            SectionKind::Normals => "normals",
+            SectionKind::Magnitudes => "magnitudes",
+            SectionKind::Coverage => "coverages",
+        }
     }
 }
 
@@ -267,18 +281,27 @@ pub struct Channels {
     pub normal_bits: u8,
     /// Bits per gradient magnitude: 8, or 0 for no magnitudes.
     pub magnitude_bits: u8,
+    /// Bits per coverage: 8, or 0 if all voxels are wholly visible. Not in the header: the section table tells.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub coverage_bits: u8,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_zero(bits: &u8) -> bool {
+    *bits == 0
 }
 
 impl Channels {
-    /// Returns how many bytes a step, a value, a normal and a magnitude take.
-    pub const fn widths(self) -> [usize; 4] {
-        [1, self.value_bits as usize / 8, self.normal_bits as usize / 4, self.magnitude_bits as usize / 8]
+    /// Returns how many bytes a step, a value, a normal, a magnitude and a coverage take.
+    pub const fn widths(self) -> [usize; 5] {
+        let Channels { value_bits, normal_bits, magnitude_bits, coverage_bits } = self;
+        [1, value_bits as usize / 8, normal_bits as usize / 4, magnitude_bits as usize / 8, coverage_bits as usize / 8]
     }
 
     /// Returns how many bytes one record takes in all channels together, including its step.
     pub const fn record_bytes(self) -> u64 {
-        let [step, value, normal, magnitude] = self.widths();
-        (step + value + normal + magnitude) as u64
+        let [step, value, normal, magnitude, coverage] = self.widths();
+        (step + value + normal + magnitude + coverage) as u64
     }
 }
 
@@ -331,7 +354,6 @@ pub fn header_of(facts: &Facts) -> FileHeader {
     FileHeader {
         magic: MAGIC,
         major: U16::new(MAJOR),
-        minor: U16::new(MINOR),
         dims: facts.grid.dims.map(|d| U16::new(u16::try_from(d).expect("a grid's dimensions are at most 65,535"))),
         value_bits: facts.channels.value_bits,
         normal_bits: facts.channels.normal_bits,

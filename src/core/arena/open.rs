@@ -63,7 +63,7 @@ pub(super) struct Head<'a> {
 }
 
 /// The indices in the section table of a lane's sections, in the order of [`SectionKind::OF_LANES`].
-pub(super) type LanePlaces = [Option<usize>; 6];
+pub(super) type LanePlaces = [Option<usize>; 7];
 
 impl<'a> Head<'a> {
     /// Reads and checks the beginning, `bytes`, of a file of `len` bytes. R1 to R11.
@@ -98,7 +98,10 @@ impl<'a> Head<'a> {
             let got = format!("{:#018x}: the header is damaged; rebuild or copy the file again", header.header_xxh3);
             return Err(fault(at!(header.header_xxh3), "R3", format!("checksum {checksum:#018x}"), got));
         }
-        let facts = facts_of(&header)?;
+        let mut facts = facts_of(&header)?;
+        if table.iter().any(|entry| entry.known_kind() == Some(SectionKind::Coverage)) {
+            facts.channels.coverage_bits = 8;
+        }
         check_table(table, len, &facts)?;
         let head = Head { header, table, facts, checksum };
         let mut stored = [false; 3];
@@ -141,6 +144,7 @@ impl<'a> Head<'a> {
             (0, u.div_ceil(edge) * v.div_ceil(edge)),
             (tile_count, most_lines),
             (line_count.max(self.facts.visible_voxels), most_records),
+            (records, records),
             (records, records),
             (records, records),
             (records, records),
@@ -271,7 +275,7 @@ impl<'a> Arena<'a> {
     /// Returns the lane along `axis`, whose sections are at `places`, as views of them.
     fn lane_of(&self, axis: Axis, places: LanePlaces) -> Lane<'a> {
         let (channels, dims) = (self.facts.channels, self.facts.grid.dims);
-        let [tiles, line_ends, steps, values, normals, magnitudes] =
+        let [tiles, line_ends, steps, values, normals, magnitudes, coverages] =
             places.map(|place| place.map_or(&[][..], |index| self.section_bytes(&self.sections[index])));
         let tiles = <[TileRecord]>::ref_from_bytes(tiles).expect("R11 holds: a multiple of a tile's 28 bytes");
         let line_ends = LineEnds::new(line_ends, dims[axis.index()]);
@@ -286,6 +290,7 @@ impl<'a> Arena<'a> {
             values,
             normals,
             magnitudes,
+            coverages,
             elsewhere,
             patch,
             shown,
@@ -328,6 +333,7 @@ fn facts_of(header: &FileHeader) -> Result<Facts, FormatFault> {
         value_bits: header.value_bits,
         normal_bits: header.normal_bits,
         magnitude_bits: header.magnitude_bits,
+        coverage_bits: 0,
     };
     let allowed: [(u8, &[u8], u64); 3] = [
         (channels.value_bits, &[8, 16], at!(header.value_bits)),

@@ -64,7 +64,7 @@ impl<'a> Overlay<'a> {
 
     /// Inserts or replaces the voxel at `at` (x, y, z), and returns the previous one.
     ///
-    /// Codes of channels that the arena does not store are ignored.
+    /// Codes of channels that the arena does not store are ignored. A coverage of 0 counts as 255: wholly visible.
     ///
     /// # Errors
     /// [`Error::Input`] if `at` is outside the grid, or a code does not fit its channel.
@@ -73,6 +73,11 @@ impl<'a> Overlay<'a> {
         let channels = self.lanes.arena().facts().channels;
         let normal = if channels.normal_bits == 0 { 0 } else { record.normal };
         let magnitude = if channels.magnitude_bits == 0 { 0 } else { record.magnitude };
+        let coverage = match (channels.coverage_bits, record.coverage) {
+            (0, _) => 0,
+            (_, 0) => 255,
+            (_, code) => code,
+        };
         let widths = [
             ("value", u32::from(record.value), u32::from(channels.value_bits)),
             ("normal", normal, 2 * u32::from(channels.normal_bits)),
@@ -83,7 +88,7 @@ impl<'a> Overlay<'a> {
                 return Err(Error::input(format!("{what} code of voxel {at:?}"), why));
             }
         }
-        Ok(self.put(place, Some(Record { value: record.value, normal, magnitude })))
+        Ok(self.put(place, Some(Record { value: record.value, normal, magnitude, coverage })))
     }
 
     /// Removes the voxel at `at` (x, y, z), and returns it.

@@ -26,13 +26,15 @@ pub struct OwnedLane {
     pub normals: Vec<u8>,
     /// Gradient magnitude codes: see [`Lane::magnitudes`].
     pub magnitudes: Vec<u8>,
+    /// Coverage codes: see [`Lane::coverages`].
+    pub coverages: Vec<u8>,
 }
 
 impl OwnedLane {
     /// Creates a lane without voxels.
     pub fn new(axis: Axis, dims: [u32; 3], channels: Channels) -> OwnedLane {
-        let [line_ends, steps, values, normals, magnitudes] = [const { Vec::new() }; 5];
-        OwnedLane { axis, dims, channels, tiles: Vec::new(), line_ends, steps, values, normals, magnitudes }
+        let [line_ends, steps, values, normals, magnitudes, coverages] = [const { Vec::new() }; 6];
+        OwnedLane { axis, dims, channels, tiles: Vec::new(), line_ends, steps, values, normals, magnitudes, coverages }
     }
 
     /// Appends the tiles of `run`, with their lines and records, after the lane's own.
@@ -45,6 +47,7 @@ impl OwnedLane {
         self.values.extend(run.arrays.values);
         self.normals.extend(run.arrays.normals);
         self.magnitudes.extend(run.arrays.magnitudes);
+        self.coverages.extend(run.arrays.coverages);
     }
 
     /// Returns a view that borrows this lane.
@@ -59,6 +62,7 @@ impl OwnedLane {
             values: &self.values,
             normals: &self.normals,
             magnitudes: &self.magnitudes,
+            coverages: &self.coverages,
             elsewhere: None,
             patch: None,
             shown: None,

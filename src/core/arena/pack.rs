@@ -22,6 +22,8 @@ pub struct Record {
     pub normal: u32,
     /// Code of the gradient magnitude; ignored if the arena stores no magnitudes.
     pub magnitude: u8,
+    /// Code of the coverage, how much of the voxel is visible; ignored, and 0, if the arena stores no coverages.
+    pub coverage: u8,
 }
 
 /// A voxel that is being sorted into its line.
@@ -41,6 +43,7 @@ pub(crate) struct ChannelArrays {
     pub(crate) values: Vec<u8>,
     pub(crate) normals: Vec<u8>,
     pub(crate) magnitudes: Vec<u8>,
+    pub(crate) coverages: Vec<u8>,
 }
 
 /// Consecutive tiles of a lane, whose first lines and first records count from the start of the run.
@@ -68,20 +71,25 @@ impl ChannelArrays {
         if channels.magnitude_bits == 8 {
             self.magnitudes.push(record.magnitude);
         }
+        if channels.coverage_bits == 8 {
+            self.coverages.push(record.coverage);
+        }
     }
 
     /// Appends the given records of `other`.
     fn append(&mut self, channels: Channels, other: &ChannelArrays, records: Range<usize>) {
-        let ChannelArrays { steps, values, normals, magnitudes } = self;
-        let from = [&other.steps, &other.values, &other.normals, &other.magnitudes];
-        for ((to, from), width) in [steps, values, normals, magnitudes].into_iter().zip(from).zip(channels.widths()) {
+        let ChannelArrays { steps, values, normals, magnitudes, coverages } = self;
+        let from = [&other.steps, &other.values, &other.normals, &other.magnitudes, &other.coverages];
+        let to = [steps, values, normals, magnitudes, coverages];
+        for ((to, from), width) in to.into_iter().zip(from).zip(channels.widths()) {
             to.extend_from_slice(&from[width * records.start..width * records.end]);
         }
     }
 
     pub(crate) fn with_capacity(channels: Channels, records: usize) -> ChannelArrays {
-        let [steps, values, normals, magnitudes] = channels.widths().map(|width| Vec::with_capacity(width * records));
-        ChannelArrays { steps, values, normals, magnitudes }
+        let [steps, values, normals, magnitudes, coverages] =
+            channels.widths().map(|width| Vec::with_capacity(width * records));
+        ChannelArrays { steps, values, normals, magnitudes, coverages }
     }
 }
 
@@ -219,7 +227,7 @@ impl LanePacker {
             line_ends.extend_from_slice(ends);
         }
         let line_ends = stored_line_ends(&line_ends, dims[axis.index()]);
-        let ChannelArrays { steps, values, normals, magnitudes } = arrays;
-        OwnedLane { axis, dims, channels, tiles, line_ends, steps, values, normals, magnitudes }
+        let ChannelArrays { steps, values, normals, magnitudes, coverages } = arrays;
+        OwnedLane { axis, dims, channels, tiles, line_ends, steps, values, normals, magnitudes, coverages }
     }
 }

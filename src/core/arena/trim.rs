@@ -129,6 +129,7 @@ pub fn trim<'a>(arena: &Arena<'a>, stored: Option<&TransferFunction>, options: &
             bits => bits,
         },
         magnitude_bits: if options.drop_magnitudes { 0 } else { old.channels.magnitude_bits },
+        coverage_bits: old.channels.coverage_bits,
     };
     let mut scales = old.scales;
     if channels.magnitude_bits == 0 {

@@ -19,7 +19,7 @@ const BASE: u64 = 14 << 20;
 const BATCH_SAMPLES: u64 = 1 << 21;
 /// Bytes that are collected for each section of a lane before they are written to the file.
 pub(crate) const WRITE_BYTES: u64 = 1 << 18;
-const SECTIONS: u64 = 6;
+const SECTIONS: u64 = 7;
 /// Bytes per record while a lane is built: 16 for the unsorted record, 4 for its index, up to 8 for the packed record
 /// in each of two results that may wait. The remainder is allocator overhead, as measured.
 pub(super) const RECORD_BYTES: u64 = 64;

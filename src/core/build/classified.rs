@@ -30,6 +30,7 @@ impl ClassifiedRows {
                 value: self.encoder.code(row.sample::<T>(index)),
                 normal: row.normal(index, normal),
                 magnitude: self.magnitude(row, index),
+                coverage: 0,
             },
         }));
     }

@@ -104,6 +104,7 @@ impl BuildOptions {
             value_bits: self.value_bits.unwrap_or(16),
             normal_bits: self.normal_bits,
             magnitude_bits: if self.transfer.uses_gradient() { 8 } else { 0 },
+            coverage_bits: 0,
         }
     }
 

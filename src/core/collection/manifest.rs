@@ -153,9 +153,13 @@ impl Manifest {
             self.description.get().len() as u64,
             limits.description_bytes,
         )?;
-        let Channels { value_bits, normal_bits, magnitude_bits } = self.channels;
-        if ![8, 16].contains(&value_bits) || ![0, 8, 16].contains(&normal_bits) || ![0, 8].contains(&magnitude_bits) {
-            return wrong(format!("has channels of {value_bits}, {normal_bits} and {magnitude_bits} bits"));
+        let Channels { value_bits, normal_bits, magnitude_bits, coverage_bits } = self.channels;
+        let is_known = [8, 16].contains(&value_bits)
+            && [0, 8, 16].contains(&normal_bits)
+            && [magnitude_bits, coverage_bits].iter().all(|bits| [0, 8].contains(bits));
+        if !is_known {
+            let bits = format!("{value_bits}, {normal_bits}, {magnitude_bits} and {coverage_bits}");
+            return wrong(format!("has channels of {bits} bits"));
         }
         if !(1..=3).contains(&self.lanes) {
             return wrong(format!("has {} lanes, but there are 1 to 3", self.lanes));

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use xxhash_rust::xxh3::xxh3_64;
 use zerocopy::IntoBytes;
-use zerocopy::byteorder::little_endian::{U32, U64};
+use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
 use super::atomic::write_file_atomically;
 use super::atomic_temporary::unnamed;
@@ -32,8 +32,8 @@ use crate::volume::Axis;
 pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec<u8> {
     let mut sections = vec![(SectionEntry::empty(SectionKind::Description, None, 1), description.as_bytes())];
     for lane in lanes {
-        let OwnedLane { tiles, line_ends, steps, values, normals, magnitudes, .. } = lane;
-        let parts = [tiles.as_bytes(), line_ends, steps, values, normals, magnitudes];
+        let OwnedLane { tiles, line_ends, steps, values, normals, magnitudes, coverages, .. } = lane;
+        let parts = [tiles.as_bytes(), line_ends, steps, values, normals, magnitudes, coverages];
         let stored = lane_entries(facts, lane.axis).into_iter().zip(parts);
         sections.extend(stored.filter_map(|(entry, bytes)| Some((entry?, bytes))));
     }
@@ -58,7 +58,7 @@ pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec
 }
 
 /// Returns the entries of a lane's sections, without positions; `None` for a channel that is not stored.
-fn lane_entries(facts: &Facts, axis: Axis) -> [Option<SectionEntry>; 6] {
+fn lane_entries(facts: &Facts, axis: Axis) -> [Option<SectionEntry>; 7] {
     SectionKind::OF_LANES.map(|kind| {
         let element = kind.element_bytes(facts.channels, facts.grid.dims, axis);
         (element > 0).then(|| SectionEntry::empty(kind, Some(axis), element))
@@ -145,7 +145,8 @@ fn write_rows_to(
             }
             visible_voxels = totals.voxels;
             let LaneTotals { tiles, lines, records, .. } = *totals;
-            for (entry, count) in entries(axis).into_iter().zip([tiles, lines, records, records, records, records]) {
+            let counts = [tiles, lines, records, records, records, records, records];
+            for (entry, count) in entries(axis).into_iter().zip(counts) {
                 let section = entry.map(|entry| out.section(entry, count * u64::from(entry.element_bytes)));
                 sections.borrow_mut().push(section);
             }
@@ -155,8 +156,8 @@ fn write_rows_to(
         let mut take = |run: TileRun| {
             let tiles: Vec<TileRecord> = run.tiles.iter().map(|tile| tile.moved(lines, records)).collect();
             let line_ends = stored_line_ends(&run.line_ends, facts.grid.dims[axis.index()]);
-            let ChannelArrays { steps, values, normals, magnitudes } = &run.arrays;
-            let parts = [tiles.as_bytes(), &line_ends, steps, values, normals, magnitudes];
+            let ChannelArrays { steps, values, normals, magnitudes, coverages } = &run.arrays;
+            let parts = [tiles.as_bytes(), &line_ends, steps, values, normals, magnitudes, coverages];
             for (section, bytes) in sections.borrow_mut().iter_mut().zip(parts) {
                 section.as_mut().map_or(Ok(()), |section| section.write(bytes))?;
             }
@@ -177,7 +178,10 @@ fn write_rows_to(
 /// Returns the header for a file whose last section ends at byte `end`.
 pub(super) fn header_with_checksum(facts: &Facts, table: &[SectionEntry], end: u64) -> FileHeader {
     let mut header = layout::header_of(facts);
-    header.section_count = U32::new(u32::try_from(table.len()).expect("at most 19 sections"));
+    if table.iter().any(|entry| entry.kind.get() >= layout::OPTIONAL_KINDS) {
+        header.minor = U16::new(layout::MINOR);
+    }
+    header.section_count = U32::new(u32::try_from(table.len()).expect("at most 1,024 sections"));
     header.file_bytes = U64::new(aligned(end));
     header.header_xxh3 = U64::new(layout::header_checksum(&header, table));
     header

@@ -15,8 +15,12 @@ pub fn repacked(subject: &Subject, tile_order: TileOrder) -> [OwnedLane; 3] {
         voxels.sort_by_key(|voxel| (at(voxel, v), at(voxel, u), at(voxel, axis)));
         let mut packer = LanePacker::new(axis, subject.dims(), subject.facts.channels, tile_order);
         for line in voxels.chunk_by(|a, b| at(a, u) == at(b, u) && at(a, v) == at(b, v)) {
-            let record =
-                |voxel: &VisibleVoxel| Record { value: voxel.value.into(), normal: voxel.normal.into(), magnitude: 0 };
+            let record = |voxel: &VisibleVoxel| Record {
+                value: voxel.value.into(),
+                normal: voxel.normal.into(),
+                magnitude: 0,
+                coverage: 0,
+            };
             packer.line(at(line[0], u), at(line[0], v), line.iter().map(|voxel| (at(voxel, axis), record(voxel))));
         }
         packer.finish()

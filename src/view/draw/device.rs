@@ -64,7 +64,7 @@ impl OnDevice {
     }
 
     /// Takes records of a lane: see [`Resident::receive`].
-    pub(crate) async fn receive(&mut self, lane: &Lane<'_>, first: u64, channels: [&[u8]; 4]) -> Result<()> {
+    pub(crate) async fn receive(&mut self, lane: &Lane<'_>, first: u64, channels: [&[u8]; 5]) -> Result<()> {
         let (name, mut resident) = self.take().await?;
         resident.receive(lane, first, channels).await?;
         self.resident = Some((name, resident));

@@ -80,7 +80,7 @@ fn twin(volume: &SampleVolume, options: &BuildOptions, built: &Built) -> Vec<Opt
     assert_eq!(transfer.shaded(), options.transfer.shaded());
     assert_eq!(transfer.uses_gradient(), options.transfer.uses_gradient());
     let uses_gradient = transfer.uses_gradient();
-    let Channels { value_bits, normal_bits, magnitude_bits } = built.facts.channels;
+    let Channels { value_bits, normal_bits, magnitude_bits, .. } = built.facts.channels;
     assert_eq!((value_bits, normal_bits), (options.value_bits.unwrap_or(value_bits), options.normal_bits));
     assert_eq!(magnitude_bits, if uses_gradient { 8 } else { 0 });
     let magnitudes = MagnitudeCodec::new(built.facts.scales.magnitude_scale).expect("a sound scale");

@@ -21,7 +21,7 @@ use adjsplat::file::arena_bytes;
 use adjsplat::internals::LanePacker;
 use adjsplat::volume::{Axis, Grid};
 use adjsplat_tests::random::Random;
-use adjsplat_tests::scenes::{LIT, PLAIN, WIDE};
+use adjsplat_tests::scenes::{COVERED, LIT, PLAIN, WIDE};
 
 /// Some voxels by z, y, x, and how they are stored.
 #[derive(Clone)]
@@ -124,6 +124,8 @@ impl RandomVoxels for Random {
             value: bits(self, channels.value_bits.into()) as u16,
             normal: bits(self, 2 * u32::from(channels.normal_bits)) as u32,
             magnitude: bits(self, channels.magnitude_bits.into()) as u8,
+            // Voxels have a coverage above 0.
+            coverage: if channels.coverage_bits == 0 { 0 } else { 1 + self.below(255) as u8 },
         }
     }
 
@@ -137,7 +139,7 @@ impl RandomVoxels for Random {
             }
             _ => {}
         }
-        let channels = [PLAIN, LIT, WIDE][self.below(3) as usize];
+        let channels = [PLAIN, LIT, WIDE, COVERED][self.below(4) as usize];
         let order = TileOrder::from_code(self.below(3) as u8).expect("there are three");
         let mut model = VoxelMap::new(dims, channels, order);
         let share = [0, 3, 40, 128, 256][self.below(5) as usize];

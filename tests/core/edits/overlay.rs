@@ -256,6 +256,7 @@ fn ball() -> VoxelMap {
                 value: narrow_code(30 + (x * 7 + y * 5 + z * 3) % 200),
                 normal: normal::encode8(d.map(|c| -c)).into(),
                 magnitude: 0,
+                coverage: 0,
             };
             model.put([x, y, z], Some(record));
         }

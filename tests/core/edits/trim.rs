@@ -142,7 +142,7 @@ fn channels_that_go_leave_the_others_as_they_were() {
 #[test]
 fn magnitudes_that_a_function_needs_stay() {
     let mut model = VoxelMap::new([5, 6, 7], WIDE, TileOrder::Morton);
-    model.put([1, 2, 3], Some(Record { value: 25, normal: 1, magnitude: 255 }));
+    model.put([1, 2, 3], Some(Record { value: 25, normal: 1, magnitude: 255, coverage: 0 }));
     let bytes = model.bytes(1);
     let arena = Arena::new(&bytes).expect("sound");
     let contour = TransferFunction::contour(60.0).expect("sound");
@@ -185,8 +185,8 @@ fn narrowed_values_are_exact_where_eight_bits_do() {
             let record = Record { value: 3_000 + random.below(codes) as u16, ..random.record(WIDE) };
             model.put(random.place([30, 20, 10]), Some(record));
         }
-        model.put([0; 3], Some(Record { value: 3_000, normal: 0x8000_8000, magnitude: 3 }));
-        model.put([1, 0, 0], Some(Record { value: (2_999 + codes) as u16, normal: 5, magnitude: 3 }));
+        model.put([0; 3], Some(Record { value: 3_000, normal: 0x8000_8000, magnitude: 3, coverage: 0 }));
+        model.put([1, 0, 0], Some(Record { value: (2_999 + codes) as u16, normal: 5, magnitude: 3, coverage: 0 }));
         let options = TrimOptions::default().with_narrow_values(true).with_narrow_normals(true);
         let bytes = trimmed(&model.bytes(3), None, &options, 3);
         let new = Arena::new(&bytes).expect("sound").facts().clone();

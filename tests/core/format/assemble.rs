@@ -104,6 +104,7 @@ fn lane_parts(lane: &Lane) -> Vec<Part> {
         lane.values.to_vec(),
         lane.normals.to_vec(),
         lane.magnitudes.to_vec(),
+        lane.coverages.to_vec(),
     ];
     let part = |(kind, bytes): (SectionKind, Vec<u8>)| Part {
         kind: kind as u16,
@@ -139,7 +140,7 @@ pub(crate) fn voxels_of(lane: &Lane) -> Vec<Voxel> {
             at[v] = u16::try_from(line.v).unwrap();
             at[lane.axis.index()] = u16::try_from(coordinate).unwrap();
             let (value, normal) = (lane.value_code(index), lane.normal_code(index));
-            voxels.push((at, Record { value, normal, magnitude: lane.magnitude_code(index) }));
+            voxels.push((at, Record { value, normal, magnitude: lane.magnitude_code(index), coverage: 0 }));
         }
     }
     voxels.sort_by_key(|&([x, y, z], _)| [z, y, x]);

@@ -4,10 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use adjsplat::arena::{Arena, Lane, LineEnds};
+use adjsplat::arena::{Arena, Lane, LineEnds, Record};
 use adjsplat::volume::Axis;
-
-type Codes = (u16, u32, u8);
 
 /// Whether the lanes of an arena that opened are sound.
 pub(crate) fn sound(arena: &Arena) -> bool {
@@ -17,7 +15,7 @@ pub(crate) fn sound(arena: &Arena) -> bool {
 }
 
 /// The voxels of a lane; `None` if any rule is broken.
-fn voxels(lane: &Lane, arena: &Arena) -> Option<BTreeMap<[u32; 3], Codes>> {
+fn voxels(lane: &Lane, arena: &Arena) -> Option<BTreeMap<[u32; 3], Record>> {
     let ends: Vec<u64> = match lane.line_ends {
         LineEnds::Narrow(ends) => ends.iter().map(|e| e.get().into()).collect(),
         LineEnds::Wide(ends) => ends.iter().map(|e| e.get().into()).collect(),
@@ -49,10 +47,10 @@ fn voxels(lane: &Lane, arena: &Arena) -> Option<BTreeMap<[u32; 3], Codes>> {
             }
             while record < end {
                 last = *lane.steps.get(record)?;
-                let codes = (lane.value_code(record), lane.normal_code(record), lane.magnitude_code(record));
+                let codes = lane.record(record);
                 if last == 0 {
                     next += 255;
-                    if codes != (0, 0, 0) {
+                    if codes != Record::default() {
                         return None;
                     }
                 } else {

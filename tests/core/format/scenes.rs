@@ -39,7 +39,7 @@ impl Scene {
 }
 
 fn channels(value_bits: u8, normal_bits: u8, magnitude_bits: u8) -> Channels {
-    Channels { value_bits, normal_bits, magnitude_bits }
+    Channels { value_bits, normal_bits, magnitude_bits, coverage_bits: 0 }
 }
 
 fn scene(name: &'static str, dims: [u32; 3], channels: Channels, lanes: usize, voxels: Vec<Voxel>) -> Scene {
@@ -59,7 +59,7 @@ fn scattered(seed: u64, dims: [u32; 3], channels: Channels, count: usize) -> Vec
         let normal = u32::try_from(code(2 * channels.normal_bits)).unwrap();
         let magnitude = u8::try_from(code(channels.magnitude_bits)).unwrap();
         if voxels.iter().all(|voxel| voxel.0 != at) {
-            voxels.push((at, Record { value, normal, magnitude }));
+            voxels.push((at, Record { value, normal, magnitude, coverage: 0 }));
         }
     }
     voxels
@@ -67,7 +67,7 @@ fn scattered(seed: u64, dims: [u32; 3], channels: Channels, count: usize) -> Vec
 
 /// Voxels of rising value at `places`.
 fn numbered(places: &[[u16; 3]]) -> Vec<Voxel> {
-    (1..).zip(places).map(|(value, &at)| (at, Record { value, normal: 0, magnitude: 0 })).collect()
+    (1..).zip(places).map(|(value, &at)| (at, Record { value, normal: 0, magnitude: 0, coverage: 0 })).collect()
 }
 
 /// Every valid example.

@@ -60,7 +60,7 @@ impl CodeVolume {
 /// A record that tells where it came from.
 fn record(code: u8, [x, y, z]: [u32; 3]) -> Record {
     let magnitude = u8::try_from((x + y + z) % 256).expect("below 256");
-    Record { value: u16::from(code) * 257, normal: x ^ y << 11 ^ z << 22, magnitude }
+    Record { value: u16::from(code) * 257, normal: x ^ y << 11 ^ z << 22, magnitude, coverage: 0 }
 }
 
 /// What a walk visits: place and value's code.

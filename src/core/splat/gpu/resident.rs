@@ -78,18 +78,18 @@ impl Resident {
         GpuRenderer { scene, looks: None, resident: self }
     }
 
-    /// Takes records of a lane whose channels are not in memory: the steps, values, normals and magnitudes of those from
-    /// `first`, a multiple of 4, on. Voxels that have not arrived are not drawn.
+    /// Takes records of a lane whose channels are not in memory: the steps, values, normals, magnitudes and coverages of
+    /// those from `first`, a multiple of 4, on. Voxels that have not arrived are not drawn.
     ///
     /// # Errors
     /// [`Error::Limit`] if the lane is too large for the device; [`Error::Input`] if its tiles are damaged or the records are
     /// not its own; [`Error::Device`].
-    pub async fn receive(&mut self, lane: &Lane<'_>, first: u64, channels: [&[u8]; 4]) -> Result<()> {
+    pub async fn receive(&mut self, lane: &Lane<'_>, first: u64, channels: [&[u8]; 5]) -> Result<()> {
         let context = self.context.clone();
         context.watch(async || self.take(lane, first, channels)).await
     }
 
-    fn take(&mut self, lane: &Lane, first: u64, channels: [&[u8]; 4]) -> Result<()> {
+    fn take(&mut self, lane: &Lane, first: u64, channels: [&[u8]; 5]) -> Result<()> {
         let records = lane.elsewhere.map_or(0, |elsewhere| elsewhere.records);
         let count = channels[0].len() as u64;
         let widths = lane.channels.widths();
@@ -185,7 +185,7 @@ impl Resident {
             records += count;
             runs.push(first..first + count);
         }
-        let widths = lane.channels.widths();
+        let [widths @ .., _] = lane.channels.widths();
         // Copies are of whole words.
         let aligned = |width: usize, run: &std::ops::Range<u64>| {
             let [start, end] = [run.start, run.end].map(|record| record * width as u64);

@@ -55,7 +55,7 @@ pub(crate) fn slab_sizes(lane: &Lane, tiles: &[u32]) -> Result<SlabSizes> {
 
 /// Returns the bytes per line end, step, value, normal and gradient magnitude of `lane`.
 fn widths(lane: &Lane) -> [u64; 5] {
-    let [steps, values, normals, magnitudes] = lane.channels.widths().map(|width| width as u64);
+    let [steps, values, normals, magnitudes, _] = lane.channels.widths().map(|width| width as u64);
     [line_end_bytes(lane.dims[lane.axis.index()]).into(), steps, values, normals, magnitudes]
 }
 
