@@ -8,6 +8,7 @@ use zerocopy::byteorder::little_endian::{U16, U32};
 use zerocopy::{FromBytes, IntoBytes};
 
 use super::codes::CodeCounts;
+use super::coverage::Coverage;
 use super::layout::{Channels, TILE_EDGE, TileRecord, line_end_bytes};
 use super::owned_lane::OwnedLane;
 use super::pack::Record;
@@ -382,6 +383,15 @@ impl<'a> Lane<'a> {
         }
         let code = self.magnitudes.get(record).copied();
         code.unwrap_or_else(|| self.patched(record, |patch, record| patch.magnitude_code(record)))
+    }
+
+    /// Returns how much of the voxel of `record` is visible, and where: all of it if the lane stores no coverages.
+    #[inline(always)]
+    pub fn coverage(&self, record: usize) -> Coverage {
+        if self.channels.coverage_bits == 0 {
+            return Coverage::WHOLE;
+        }
+        Coverage::of_code(self.coverage_code(record).into(), self.channels)
     }
 
     /// Returns the coverage code of `record`: how much of the voxel is visible. 255, all of it, if the lane stores no

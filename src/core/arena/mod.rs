@@ -6,6 +6,7 @@
 
 mod check;
 mod codes;
+pub(crate) mod coverage;
 mod curve;
 mod directory;
 pub(crate) mod lane;
@@ -26,6 +27,7 @@ pub(crate) mod visible;
 
 pub use check::{Checked, CheckedLane};
 pub use codes::CodeCounts;
+pub use coverage::Coverage;
 pub use curve::TileOrder;
 pub use directory::{ChannelCheck, Directory, LanePart};
 pub use lane::{Elsewhere, Lane, LineEnds, LineSpan};

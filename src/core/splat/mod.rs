@@ -16,6 +16,7 @@ pub(crate) mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub(crate) mod kernel;
+pub(crate) mod levels;
 pub(crate) mod near;
 mod outline;
 pub(crate) mod setup;
@@ -50,6 +51,19 @@ pub trait Lanes: Sync {
     /// # Errors
     /// [`Error`] if the lane is missing and cannot be derived.
     fn lane(&self, axis: Axis) -> Result<Lane<'_>>;
+
+    /// Returns the facts of the coarser levels of detail, level 1 first; none by default.
+    fn levels(&self) -> &[Facts] {
+        &[]
+    }
+
+    /// Returns the lane of `level` along `axis`; level 0 has the voxels themselves.
+    ///
+    /// # Errors
+    /// The errors of [`Lanes::lane`]; [`Error::Input`] if there is no such level.
+    fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {
+        if level == 0 { self.lane(axis) } else { Err(Error::input("level", format!("{level} is not there"))) }
+    }
 }
 
 impl Lanes for Vec<OwnedLane> {
@@ -143,6 +157,9 @@ pub struct Settings {
     /// How many samples are drawn; `None` uses the sampling of `quality`. A graphics device and the judge (a second
     /// renderer, for tests) draw [`Sampling::Finer`] for [`Sampling::Enough`] and [`Sampling::Fewest`].
     pub sampling: Option<Sampling>,
+    /// The level of detail to draw, 0 for the voxels themselves; `None` draws the coarsest levels that keep the accuracy of
+    /// `quality`, place by place.
+    pub level: Option<usize>,
     /// The machine code that draws.
     pub code: Code,
 }
@@ -205,6 +222,7 @@ impl Settings {
             near: None,
             exposure: None,
             sampling: None,
+            level: None,
             code: Code::default(),
         }
     }
@@ -293,6 +311,11 @@ impl Settings {
     /// Sets how many samples are drawn.
     pub fn with_sampling(self, sampling: impl Into<Option<Sampling>>) -> Settings {
         Settings { sampling: sampling.into(), ..self }
+    }
+
+    /// Sets the level of detail to draw; `None` leaves the choice to the view and the quality.
+    pub fn with_level(self, level: impl Into<Option<usize>>) -> Settings {
+        Settings { level: level.into(), ..self }
     }
 
     /// Selects the machine code that draws, for tests and studies.

@@ -5,6 +5,7 @@ use super::kernel::KernelShape;
 use super::shade::Lights;
 use super::{Camera, Scene, Settings, View};
 use crate::arena::Lane;
+use crate::arena::coverage::MOST_OFFSET;
 use crate::error::{Error, Result};
 use crate::traverse::{AxisOrder, Order};
 use crate::volume::Grid;
@@ -45,6 +46,9 @@ impl<'a> FrameSetup<'a> {
         let lane = scene.lanes.lane(order.fast)?;
         if lane.channels != scene.facts.channels || lane.dims != grid.dims || lane.axis != order.fast {
             return Err(Error::input("lane", "does not belong to the scene's grid or runs along another axis"));
+        }
+        if lane.channels.coverage_bits > 0 {
+            view.margin = MOST_OFFSET;
         }
         let lit = scene.transfer.shaded() && lane.channels.normal_bits > 0 && !maximum;
         let lights = settings.lighting.filter(|_| lit).map(|lighting| Lights::new(&lighting, &view));

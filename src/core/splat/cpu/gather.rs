@@ -143,12 +143,12 @@ pub(super) struct Band<'a, B> {
     together: BitRows,
     together_of: Option<(u16, [usize; 2])>,
     voxels: Box<VoxelBlock>,
-    /// Tables of looks and of light, in a parallel view with many voxels.
+    /// Tables of looks and of light, in a parallel view with many voxels on points of the grid.
     tables: Option<&'a LookTables>,
     /// The colours of the block's voxels.
     block: Box<Splats>,
     slab: Slab,
-    /// The stamps of a parallel view.
+    /// The stamps of a parallel view of voxels on points of the grid.
     stamps: Option<Stamps>,
     /// How many closed tiles are before and after a row, so that a voxel's tiles need not be clipped.
     around: usize,
@@ -199,7 +199,7 @@ impl<'a, B: Blend> Band<'a, B> {
             pixels: TileBuffer::new(NO_PIXELS, 0.0)?,
             open: BitRows::new(columns, rows),
             slow: None,
-            slice: Slice { origin: [0.0; 2], step: 1.0 },
+            slice: Slice::NONE,
             rows_at: [0.0; 3],
             shown: BitRows::new(line, rows),
             shown_at: vec![None; rows],
@@ -391,7 +391,11 @@ impl<'a, B: Blend> Band<'a, B> {
         if voxels.count == 0 {
             return;
         }
-        let looks = slab.add(voxels, lattice, slice, stamps.as_ref());
+        let looks = match stamps {
+            Some(stamps) => slab.add_stamped(voxels, stamps),
+            None if projector.is_on_grid() => slab.add_placed(voxels, voxels.positions(), lattice, slice),
+            None => slab.add_placed(voxels, &projector.displaced(voxels), lattice, slice),
+        };
         match tables {
             Some(tables) => tables.colour(projector, voxels, looks),
             None => {

@@ -23,7 +23,7 @@
 use bytemuck::Zeroable;
 use glam::{DMat3, DVec3};
 
-use super::project::nearest_pixel;
+use super::project::{Coordinates, nearest_pixel};
 use super::raster::{BLOCK, COLUMN, ROW};
 use super::slab::Tiles;
 use super::tile_buffer::{TILE, TILE_PIXELS};
@@ -90,6 +90,8 @@ pub(super) struct Lattice {
     pub(super) low_pass: LowPass,
     rays: Rays,
     kernel: KernelShape,
+    /// How far voxels may lie from points of the grid, along an axis, in voxels.
+    spread: f64,
 }
 
 /// How the plane's pixels are rays through the slices. Pairs are along the fast and the medium axis, in voxels.
@@ -121,10 +123,20 @@ enum Rays {
 /// The lattice of a slice. Pairs are along the fast and the medium axis.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Slice {
+    /// Its place on the slow axis.
+    slow: f64,
     /// The point of pixel 0, in voxels.
     pub(super) origin: [f64; 2],
     /// The distance between pixels, in voxels.
     pub(super) step: f64,
+    /// By how much `origin` and `step` grow per slice.
+    shift: [f64; 2],
+    growth: f64,
+}
+
+impl Slice {
+    /// A slice that stands for none.
+    pub(super) const NONE: Slice = Slice { slow: 0.0, origin: [0.0; 2], step: 1.0, shift: [0.0; 2], growth: 0.0 };
 }
 
 /// A voxel on the plane: the nearest pixel and the distance from it, along columns and rows.
@@ -240,12 +252,15 @@ impl Lattice {
         let slow = f64::from(slow);
         match &self.rays {
             Rays::Parallel { voxels, slope, origin, .. } => {
-                Slice { origin: [0, 1].map(|side| origin[side] + slope[side] * slow), step: f64::from(*voxels) / 4.0 }
+                let origin = [0, 1].map(|side| origin[side] + slope[side] * slow);
+                Slice { slow, origin, step: f64::from(*voxels) / 4.0, shift: *slope, growth: 0.0 }
             }
             Rays::Perspective { eye, first, step, .. } => {
                 let distance = (slow - eye[0]).abs();
+                let away = (slow - eye[0]).signum();
                 let origin = [0, 1].map(|side| eye[1 + side] + distance * first[side]);
-                Slice { origin, step: distance * step }
+                let shift = first.map(|slope| away * slope);
+                Slice { slow, origin, step: distance * step, shift, growth: away * step }
             }
         }
     }
@@ -269,50 +284,77 @@ impl Lattice {
         place
     }
 
-    /// Computes, in a perspective view, the places of voxels with these coordinates on the fast and the medium axis, and
-    /// which tiles of a row they reach.
+    /// Returns where a voxel of `slice` lies on the plane that may lie beside the points of the grid. `at` are its
+    /// coordinates on the slow, medium and fast axis.
     #[inline(always)]
-    pub(super) fn set_places(
+    pub(super) fn place_beside(slice: &Slice, [slow, medium, fast]: [f64; 3]) -> Place {
+        let along = slow - slice.slow;
+        let step = slice.step + slice.growth * along;
+        let per_pixel = 1.0 / step;
+        let at = |side: usize, voxel: f64| {
+            nearest_pixel((voxel - (slice.origin[side] + slice.shift[side] * along)) * per_pixel)
+        };
+        let ((column, right), (row, down)) = (at(0, fast), at(1, medium));
+        Place { pixel: [column, row], offset: [right, down], scale: (step * step) as f32 }
+    }
+
+    /// Computes the places of voxels of a slice, and which tiles of a row they reach.
+    #[inline(always)]
+    pub(super) fn set_places<C: Coordinates>(
         &self,
         slice: &Slice,
-        voxels: [&[u16; BLOCK]; 2],
+        positions: &C,
         places: &mut [Place],
         tiles: &mut [Tiles],
     ) {
-        let Rays::Perspective { first, step, .. } = &self.rays else { return };
-        let (per_pixel, scale) = (1.0 / slice.step, (slice.step * slice.step) as f32);
         let (mut pixel, mut offset) = ([[0; BLOCK]; 2], [[0.0; BLOCK]; 2]);
-        for side in 0..2 {
-            let origin = slice.origin[side];
+        let mut scale = [(slice.step * slice.step) as f32; BLOCK];
+        let mut radius = [self.kernel.radius / slice.step as f32; BLOCK];
+        if C::ON_GRID {
+            let per_pixel = 1.0 / slice.step;
+            for side in 0..2 {
+                let origin = slice.origin[side];
+                for j in 0..BLOCK {
+                    let at = positions.at(j)[2 - side];
+                    (pixel[side][j], offset[side][j]) = nearest_pixel((at - origin) * per_pixel);
+                }
+            }
+        } else {
             for j in 0..BLOCK {
-                (pixel[side][j], offset[side][j]) = nearest_pixel((f64::from(voxels[side][j]) - origin) * per_pixel);
+                let place = Lattice::place_beside(slice, positions.at(j));
+                ([pixel[0][j], pixel[1][j]], [offset[0][j], offset[1][j]]) = (place.pixel, place.offset);
+                (scale[j], radius[j]) = (place.scale, self.kernel.radius / place.scale.sqrt());
             }
         }
-        let radius = self.kernel.radius / slice.step as f32;
+        let (first, step) = match &self.rays {
+            Rays::Parallel { slope, .. } => (slope[0] as f32, 0.0),
+            Rays::Perspective { first, step, .. } => (first[0] as f32, *step as f32),
+        };
         // The slopes of the tiles that a kernel reaches are at most this much steeper.
-        let (first, step, more) = (first[0] as f32, *step as f32, (step * self.farthest(slice)) as f32);
+        let more = step * self.farthest(slice) as f32;
         let last = (self.size[0] >> TILE) as i32 - 1;
         let (mut column, mut width) = ([0; BLOCK], [0; BLOCK]);
         for j in 0..BLOCK {
             let (pixel, offset) = (pixel[0][j], offset[0][j]);
             let slope = (first + step * pixel as f32).abs() + more;
-            let reach = radius * (1.0 + slope * slope).sqrt() + 0.01;
+            let reach = radius[j] * (1.0 + slope * slope).sqrt() + 0.01;
             let low = ((pixel + (offset - reach).ceil() as i32) >> TILE).max(0);
             let high = ((pixel + (offset + reach).floor() as i32) >> TILE).min(last);
             (column[j], width[j]) = (low as u16, (high + 1 - low).max(0) as u16);
         }
         for (j, (place, tiles)) in places.iter_mut().zip(tiles).enumerate().take(BLOCK) {
-            *place = Place { pixel: [pixel[0][j], pixel[1][j]], offset: [offset[0][j], offset[1][j]], scale };
+            *place = Place { pixel: [pixel[0][j], pixel[1][j]], offset: [offset[0][j], offset[1][j]], scale: scale[j] };
             *tiles = Tiles { column: column[j], place: width[j] };
         }
     }
 
-    /// Returns how many voxels of a slice's row lie in a tile, in a parallel view; `None` in perspective.
+    /// Returns how many voxels of a slice's row lie in a tile, in a parallel view of voxels on points of the grid; `None` in
+    /// other views.
     #[inline(always)]
     pub(super) fn voxels_per_tile(&self) -> Option<i32> {
         match self.rays {
-            Rays::Parallel { voxels, .. } => Some(voxels),
-            Rays::Perspective { .. } => None,
+            Rays::Parallel { voxels, .. } if self.spread == 0.0 => Some(voxels),
+            _ => None,
         }
     }
 
@@ -326,14 +368,14 @@ impl Lattice {
                 (first[side] + step * low).abs().max((first[side] + step * high).abs())
             }
         };
-        f64::from(self.kernel.radius) * (1.0 + steepest * steepest).sqrt()
+        f64::from(self.kernel.radius) * (1.0 + steepest * steepest).sqrt() + self.spread * (1.0 + steepest)
     }
 
     /// Returns how many pixels away from its centre a kernel of `slice` reaches at most: three radii on rays that are not
     /// steeper than 2.8.
     #[inline(always)]
     pub(super) fn farthest(&self, slice: &Slice) -> f64 {
-        3.0 * f64::from(self.kernel.radius) / slice.step + 6.0
+        (3.0 * f64::from(self.kernel.radius) + 4.0 * self.spread) / slice.step + 6.0
     }
 
     /// Returns the rays of the tile in `column` and `row`.
@@ -519,7 +561,7 @@ fn parallel(
         origin: first.map(|first| first / per_voxel),
         strength: (f64::from(kernel.normalisation()) * scale * scale / cross) as f32,
     };
-    Some(Lattice { size, picture: view.size, plane_from_pixel, low_pass, rays, kernel })
+    Some(Lattice { size, picture: view.size, plane_from_pixel, low_pass, rays, kernel, spread: view.margin })
 }
 
 fn perspective(
@@ -607,5 +649,5 @@ fn perspective(
     let plane_from_pixel = [plane[0], plane[1], row(0).to_array()];
     let strength = f64::from(kernel.normalisation()) / f64::from(kernel.sigma).powi(2);
     let rays = Rays::Perspective { eye, first, step, steps, strength };
-    Some(Lattice { size, picture: view.size, plane_from_pixel, low_pass, rays, kernel })
+    Some(Lattice { size, picture: view.size, plane_from_pixel, low_pass, rays, kernel, spread: view.margin })
 }

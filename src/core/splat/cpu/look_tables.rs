@@ -21,14 +21,15 @@ pub(super) struct LookTables {
 }
 
 impl LookTables {
-    /// Creates the tables of a frame. `None` if the view is not parallel, codes are longer, or there are few voxels.
+    /// Creates the tables of a frame. `None` if the view is not parallel, codes are longer, voxels have
+    /// coverages, or there are few.
     pub(super) fn new(projector: &Projector, strength: f32) -> Option<LookTables> {
         /// Computing the light of each code takes as long as that of this number of voxels.
         const MANY: usize = 1 << 16;
         let channels = projector.lane.channels;
         let is_short = channels.value_bits == 8 && channels.normal_bits <= 8;
         let is_parallel = matches!(projector.map, PixelMap::Parallel { .. });
-        if !is_parallel || !is_short || projector.lane.values.len() < 2 * MANY {
+        if !is_parallel || !is_short || !projector.is_on_grid() || projector.lane.values.len() < 2 * MANY {
             return None;
         }
         let mut looks = Box::new(*projector.table.of_bytes()?);

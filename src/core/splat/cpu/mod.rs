@@ -43,6 +43,7 @@ use self::task::{BandStats, DrawTask, assemble, full_rect, pixels};
 use self::tile_buffer::Rect;
 use super::composite::{Blending, Mode, Table};
 use super::frame::Frame;
+use super::levels::{self, LevelPart};
 use super::setup::FrameSetup;
 use super::supersample::Supersampling;
 use super::view::View;
@@ -76,6 +77,29 @@ pub fn render_without(
     omitted: Option<&RecordSet>,
 ) -> Result<(Frame, Stats)> {
     let start = Instant::now();
+    let parts = if omitted.is_some() { Vec::new() } else { levels::parts(scene, camera, settings)? };
+    if omitted.is_some() || matches!(parts[..], [LevelPart { level: 0, crop }] if crop == settings.crop) {
+        return draw_scene(scene, camera, settings, omitted, start);
+    }
+    let (mut frame, mut stats) = (Frame::transparent(settings.size)?, Stats::default());
+    for part in parts {
+        let lanes = part.lanes(scene);
+        let (behind, work) =
+            draw_scene(&part.scene(scene, &lanes), camera, &part.settings(settings), None, Instant::now())?;
+        frame.put_behind(&behind, settings.mode);
+        stats.add(&work);
+    }
+    Ok((frame, stats))
+}
+
+/// Draws the voxels of a scene, whatever their level.
+fn draw_scene(
+    scene: &Scene,
+    camera: &Camera,
+    settings: &Settings,
+    omitted: Option<&RecordSet>,
+    start: Instant,
+) -> Result<(Frame, Stats)> {
     let setup = FrameSetup::new(scene, camera, settings)?;
     setup.lane.at_hand()?;
     let table = Table::new(scene, &setup.lane, settings, setup.view.mean_voxel)?;

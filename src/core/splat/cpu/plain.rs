@@ -63,7 +63,13 @@ pub(super) fn draw_on_lattice<B: Blend>(task: &DrawTask, lattice: &Lattice, show
         }
         let [slow, medium, fast] = projector.nesting.map(|axis| voxel[axis]);
         let slice = lattice.slice(slow);
-        let place = lattice.place(&slice, [fast.into(), medium.into()]);
+        let place = if projector.is_on_grid() {
+            lattice.place(&slice, [fast.into(), medium.into()])
+        } else {
+            let offset = projector.offset(record);
+            let on_grid = [slow, medium, fast].map(f64::from);
+            Lattice::place_beside(&slice, [0, 1, 2].map(|axis| on_grid[axis] + f64::from(offset[axis])))
+        };
         let [red, green, blue, depth] = projector.look(record);
         let [red, green, blue] = lit_colour(projector, voxel, record, [red, green, blue]);
         let ink = [red, green, blue, B::ALPHA_INK];
@@ -213,13 +219,15 @@ fn splat<'a>(task: &'a DrawTask, voxel: [u16; 3], record: usize) -> Option<Colou
         return None;
     }
     let [red, green, blue, depth] = projector.look(record);
-    let splat = project_voxel(projector, voxel, depth)?;
+    let offset = projector.offset(record);
+    let nested = projector.nesting.map(|axis| f64::from(voxel[axis]));
+    let place = [0, 1, 2].map(|axis| nested[axis] + f64::from(offset[axis]));
+    let splat = project_voxel(projector, place, depth)?;
     Some((splat, lit_colour(projector, voxel, record, [red, green, blue])))
 }
 
-/// Returns the splat of a voxel of this depth; `None` if it is behind the eye or clipped, or shows nothing.
-fn project_voxel<'a>(projector: &'a Projector, voxel: [u16; 3], depth: f32) -> Option<Splat<'a>> {
-    let position = projector.nesting.map(|axis| f64::from(voxel[axis]));
+/// Returns the splat of a voxel of this depth at a place along the slow, medium and fast axis; `None` if it is behind the eye or clipped, or shows nothing.
+fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], depth: f32) -> Option<Splat<'a>> {
     let affine = |map: &Affine| affine_at(&projector.nested(map), position);
     let centre = |column: f64, row: f64| {
         let ((x, offset_x), (y, offset_y)) = (nearest_pixel(column), nearest_pixel(row));
@@ -240,7 +248,9 @@ fn project_voxel<'a>(projector: &'a Projector, voxel: [u16; 3], depth: f32) -> O
             let is_far = t2 >= *far;
             if !is_far {
                 let view = projector.near.as_ref()?;
-                let kernel = view.kernel(voxel.map(f64::from), t2)?;
+                let mut voxel = [0.0; 3];
+                projector.nesting.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
+                let kernel = view.kernel(voxel, t2)?;
                 return (depth > 0.0).then_some(Splat::Near { view, kernel, depth });
             }
             let inverse_depth = 1.0 / t2;

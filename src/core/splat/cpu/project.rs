@@ -15,7 +15,7 @@ use std::ops::Range;
 
 use super::raster::{BLOCK, Extents, Splats};
 use super::tile_buffer::{Rect, TileBuffer};
-use crate::arena::Lane;
+use crate::arena::{Coverage, Lane};
 use crate::classify::normal;
 use crate::splat::arith::{LOG2_E, at_least, at_most, keep_if};
 use crate::splat::clip::{ClipRegion, IndexPlane};
@@ -61,8 +61,28 @@ pub struct Projector<'a> {
 
 /// Yields the coordinates of a block's voxels along the slow, medium and fast axis, for every index below [`BLOCK`].
 pub trait Coordinates {
+    /// Whether all voxels lie on points of the grid.
+    const ON_GRID: bool = true;
+
     /// Returns the coordinates of voxel `j`.
     fn at(&self, j: usize) -> [f64; 3];
+}
+
+/// The places of a block's voxels in a lane with coverages: at the mean of what is visible of their blocks.
+pub(super) struct Displaced<'a> {
+    positions: &'a [[u16; BLOCK]; 3],
+    /// By how much, in voxels, along the slow, medium and fast axis.
+    offsets: [[f32; BLOCK]; 3],
+}
+
+impl Coordinates for Displaced<'_> {
+    const ON_GRID: bool = false;
+
+    #[inline(always)]
+    fn at(&self, j: usize) -> [f64; 3] {
+        let on_grid = self.positions.at(j);
+        [0, 1, 2].map(|axis| on_grid[axis] + f64::from(self.offsets[axis][j]))
+    }
 }
 
 impl Coordinates for [[u16; BLOCK]; 3] {
@@ -193,10 +213,39 @@ impl<'a> Projector<'a> {
     pub fn project_block(&self, voxels: &VoxelBlock, out: &mut Splats, tiles: &TileBuffer) {
         // The copy tells the compiler that positions and results do not overlap.
         let positions = voxels.positions;
-        self.place(&positions, out);
-        self.place_near(voxels.count, &positions, out);
+        if self.is_on_grid() {
+            self.place(&positions, out);
+            self.place_near(voxels.count, &positions, out);
+        } else {
+            let displaced = self.displaced(voxels);
+            self.place(&displaced, out);
+            self.place_near(voxels.count, &displaced, out);
+        }
         self.cull(voxels.count, self.in_clip(voxels), out, tiles);
         self.colour(voxels, out);
+    }
+
+    /// Returns whether voxels lie on points of the grid, and not at the mean of what is visible of a block.
+    #[inline(always)]
+    pub(super) fn is_on_grid(&self) -> bool {
+        self.lane.channels.coverage_bits == 0
+    }
+
+    /// Returns how far the voxel of a record lies from its grid point, in voxels, along the slow, medium and fast axis.
+    #[inline(always)]
+    pub(super) fn offset(&self, record: usize) -> [f32; 3] {
+        let Coverage { offset, .. } = self.lane.coverage(record);
+        self.nesting.map(|axis| offset[axis])
+    }
+
+    /// Returns the places of a block's voxels in a lane with coverages.
+    #[inline(always)]
+    pub(super) fn displaced<'v>(&self, voxels: &'v VoxelBlock) -> Displaced<'v> {
+        let mut offsets = [[0.0; BLOCK]; 3];
+        for j in 0..voxels.count.min(BLOCK) {
+            [offsets[0][j], offsets[1][j], offsets[2][j]] = self.offset(voxels.records[j]);
+        }
+        Displaced { positions: &voxels.positions, offsets }
     }
 
     /// Returns, for each voxel of a block, whether neither the crop nor the clip plane leaves it out.
@@ -373,7 +422,7 @@ impl<'a> Projector<'a> {
     #[inline(always)]
     pub(super) fn colour(&self, voxels: &VoxelBlock, out: &mut Splats) {
         // The most common kind of look table is recognised once here, not for every voxel.
-        let looks = self.table.of_bytes().filter(|_| self.lane.channels.value_bits == 8);
+        let looks = self.table.of_bytes().filter(|_| self.lane.channels.value_bits == 8 && self.is_on_grid());
         for k in 0..out.count {
             let record = voxels.records[usize::from(out.kept[k]) % BLOCK];
             let [red, green, blue, peak] = match looks {
@@ -407,11 +456,12 @@ impl<'a> Projector<'a> {
         }
     }
 
-    /// Returns the look (colour and optical depth) of a record's voxel.
+    /// Returns the look (colour and optical depth) of a record's voxel, of which only a part may be visible.
     #[inline(always)]
     pub(super) fn look(&self, record: usize) -> Look {
         let magnitude = if self.table.needs_magnitude() { self.lane.magnitude_code(record) } else { 0 };
-        self.table.look(self.lane.value_code(record), magnitude)
+        let [red, green, blue, depth] = self.table.look(self.lane.value_code(record), magnitude);
+        [red, green, blue, depth * self.lane.coverage(record).share]
     }
 
     /// Returns the x, y and z components of the kept splats' unit normals.

@@ -4,7 +4,7 @@
 //! that reach it, in visit order; for each voxel, what a tile needs to take it.
 
 use super::lattice::{Lattice, Place, Slice};
-use super::project::VoxelBlock;
+use super::project::{Coordinates, VoxelBlock};
 use super::raster::BLOCK;
 use super::stamps::Stamps;
 use crate::error::Result;
@@ -31,9 +31,9 @@ pub(super) struct Line {
 #[derive(Debug, Clone, Copy, Default, bytemuck::Zeroable)]
 #[repr(C)]
 pub(super) struct Tiles {
-    /// In a parallel view: the last tile that a voxel at its place may reach; in perspective: the first that it reaches.
+    /// With stamps: the last tile that a voxel at its place may reach; without: the first that it reaches.
     pub(super) column: u16,
-    /// In a parallel view: its place among the voxels of a tile; in perspective: the number of tiles.
+    /// With stamps: its place among the voxels of a tile; without: the number of tiles.
     pub(super) place: u16,
 }
 
@@ -50,9 +50,9 @@ pub(super) struct Slab {
     tiles: Box<[Tiles]>,
     /// Red, green, blue, and the optical depth in units of ln 2, for a tile of strength 1.
     looks: Box<[[f32; 4]]>,
-    /// In a parallel view: the number of the stamp for the first tile of the plane.
+    /// With stamps: the number of the stamp for the first tile of the plane.
     stamps: Box<[i32]>,
-    /// In a perspective view: where the voxel is on the plane.
+    /// Without stamps: where the voxel is on the plane.
     places: Box<[Place]>,
 }
 
@@ -107,26 +107,37 @@ impl Slab {
         self.lines.push(Line { slice: self.slices.max(1) - 1, medium: medium.into(), splats });
     }
 
-    /// Adds the splats of a block's voxels, of the last slice; returns where their looks are to be put.
+    /// Adds the splats of a block's voxels, of the last slice, whose weights are stamps; returns where their looks are to be
+    /// put.
     #[inline(always)]
-    pub(super) fn add(
+    pub(super) fn add_stamped(&mut self, voxels: &VoxelBlock, stamps: &Stamps) -> &mut [[f32; 4]] {
+        let range = self.count..self.count + BLOCK;
+        let [_, mediums, fasts] = voxels.positions();
+        let slice = self.slices.max(1) - 1;
+        stamps.place(slice, [fasts, mediums], &mut self.stamps[range.clone()], &mut self.tiles[range]);
+        self.looks_of(voxels)
+    }
+
+    /// Adds the splats of a block's voxels, of the last slice, which are at `positions`; returns where their looks are to be
+    /// put.
+    #[inline(always)]
+    pub(super) fn add_placed<C: Coordinates>(
         &mut self,
         voxels: &VoxelBlock,
+        positions: &C,
         lattice: &Lattice,
         slice: &Slice,
-        stamps: Option<&Stamps>,
     ) -> &mut [[f32; 4]] {
-        let (range, count) = (self.count..self.count + BLOCK, voxels.count.min(BLOCK));
-        let tiles = &mut self.tiles[range.clone()];
-        let [_, mediums, fasts] = voxels.positions();
-        match stamps {
-            Some(stamps) => {
-                stamps.place(self.slices.max(1) - 1, [fasts, mediums], &mut self.stamps[range], tiles);
-            }
-            None => lattice.set_places(slice, [fasts, mediums], &mut self.places[range], tiles),
-        }
-        self.count += count;
-        &mut self.looks[self.count - count..self.count]
+        let range = self.count..self.count + BLOCK;
+        lattice.set_places(slice, positions, &mut self.places[range.clone()], &mut self.tiles[range]);
+        self.looks_of(voxels)
+    }
+
+    #[inline(always)]
+    fn looks_of(&mut self, voxels: &VoxelBlock) -> &mut [[f32; 4]] {
+        let first = self.count;
+        self.count += voxels.count.min(BLOCK);
+        &mut self.looks[first..self.count]
     }
 
     /// Returns the number of lines that reach a row of tiles.

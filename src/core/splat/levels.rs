@@ -1,0 +1,221 @@
+//! Which levels of detail a view draws, and where.
+//!
+//! In: a scene whose lanes have coarser levels, a view, settings. Out: parts of the volume, nearest first, each with its
+//! level. A parallel view has one part. A perspective has one for each run of slices along the slow axis: its level follows
+//! from the nearest place of the run. Parts meet at whole blocks, so no voxel is drawn twice or left out, and the order of
+//! the slices stays exact.
+//!
+//! A level is drawn if the longest edge of its voxels is at most so many pixels as the quality allows
+//! (docs/studies/levels.md). All renderers and judges take the same choice from here.
+
+use std::ops::Range;
+
+use super::kernel::{KernelShape, Quality};
+use super::view::PixelMap;
+use super::{Blending, Camera, Lanes, Mode, Scene, Settings, View};
+use crate::arena::Lane;
+use crate::arena::layout::Facts;
+use crate::error::{Error, Result};
+use crate::traverse::{Viewpoint, VoxelBox};
+use crate::volume::{Axis, Grid};
+
+/// Standard deviations of the kernels of level 1, of level 2, and of all coarser levels, in the level's voxels, where that
+/// of level 0 is [`SIGMA_0`]. Measured: docs/studies/levels.md.
+const SIGMAS: [f32; 3] = [0.39, 0.25, 0.21];
+const SIGMA_0: f32 = 0.7;
+
+/// A part of the volume, and the level that it is drawn from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LevelPart {
+    /// The level: 0 for the voxels themselves.
+    pub level: usize,
+    /// The voxels of the part, in coordinates of its level; `None` for all.
+    pub crop: Option<VoxelBox>,
+}
+
+/// The lanes of a coarser level of a scene.
+pub struct LanesOfLevel<'a> {
+    lanes: &'a dyn Lanes,
+    level: usize,
+}
+
+impl Lanes for LanesOfLevel<'_> {
+    fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
+        self.lanes.lane_of(self.level, axis)
+    }
+}
+
+impl LevelPart {
+    /// Returns the lanes of the part's level.
+    pub fn lanes<'a>(&self, scene: &Scene<'a>) -> LanesOfLevel<'a> {
+        LanesOfLevel { lanes: scene.lanes, level: self.level }
+    }
+
+    /// Returns the scene of the part's level; `lanes` are those of [`LevelPart::lanes`].
+    pub fn scene<'a>(&self, scene: &Scene<'a>, lanes: &'a LanesOfLevel<'a>) -> Scene<'a> {
+        Scene { facts: facts_of(scene, self.level), lanes, transfer: scene.transfer }
+    }
+
+    /// Returns the settings with which the part is drawn.
+    pub fn settings(&self, settings: &Settings) -> Settings {
+        let kernel = level_kernel(settings.kernel(), self.level);
+        Settings { crop: self.crop, kernel: Some(kernel), level: Some(0), ..settings.clone() }
+    }
+}
+
+/// Returns the kernel of a level, in its own voxels, given that of level 0.
+///
+/// A level's voxels are means of blocks already: with the kernel of level 0 they would be smeared twice.
+pub fn level_kernel(kernel: KernelShape, level: usize) -> KernelShape {
+    let Some(below) = level.checked_sub(1) else { return kernel };
+    let factor = SIGMAS[below.min(SIGMAS.len() - 1)] / SIGMA_0;
+    // The narrowest kernel that settings allow.
+    let sigma = (kernel.sigma * factor).max(0.2);
+    KernelShape { sigma, radius: kernel.radius * (sigma / kernel.sigma) }
+}
+
+/// Returns the most pixels that the longest edge of a voxel of `level` may have, so that a picture keeps the accuracy of its
+/// quality: 38 dB at [`Quality::Standard`], 30 dB at [`Quality::Draft`]; 0 if the level is never drawn.
+pub fn most_pixels(quality: Quality, level: usize) -> f64 {
+    match (quality, level) {
+        (_, 0) => f64::INFINITY,
+        (Quality::Draft, 1) => 1.0,
+        (Quality::Draft, _) => 0.8,
+        (Quality::Standard, 1) => 0.5,
+        (Quality::Standard, _) => 0.25,
+        (Quality::High | Quality::Reference, _) => 0.0,
+    }
+}
+
+fn facts_of<'a>(scene: &Scene<'a>, level: usize) -> &'a Facts {
+    level.checked_sub(1).map_or(scene.facts, |below| &scene.lanes.levels()[below])
+}
+
+/// Returns the parts that a view draws, nearest first.
+///
+/// Only front-to-back or back-to-front composites of exponential blending draw levels by themselves; other modes, and orders
+/// of studies, draw level 0.
+///
+/// # Errors
+/// [`Error::Input`] if `settings` ask for a level that the scene does not have; the errors of [`View::new`].
+pub fn parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<Vec<LevelPart>> {
+    let levels = scene.lanes.levels().len();
+    if let Some(level) = settings.level {
+        let why = || format!("is {level}, but the file has levels 0 to {levels}");
+        return match level {
+            0 => Ok(vec![LevelPart { level: 0, crop: settings.crop }]),
+            _ if level > levels => Err(Error::input("level", why())),
+            _ => Ok(LevelPart::within(scene, level, settings.crop).into_iter().collect()),
+        };
+    }
+    let whole = vec![LevelPart { level: 0, crop: settings.crop }];
+    let is_composite = settings.mode == Mode::Composite && settings.blending == Blending::Exponential;
+    if levels == 0 || !is_composite || settings.order.is_some() {
+        return Ok(whole);
+    }
+    let view = View::new(camera, &scene.facts.grid, settings.size, settings.kernel(), settings.near)?;
+    let edge = |level: usize| {
+        let grid = &facts_of(scene, level).grid;
+        grid.spacing.into_iter().fold(0.0, f64::max) / view.mean_voxel
+    };
+    // The distance from the eye, in mean voxels of level 0, from which on a level is drawn; 0 or infinity in parallel views.
+    let distances: Vec<f64> = (0..=levels)
+        .map(|level| {
+            let most = most_pixels(settings.quality, level);
+            match &view.map {
+                PixelMap::Parallel { scale, .. } if edge(level) * scale <= most => 0.0,
+                PixelMap::Parallel { .. } => f64::INFINITY,
+                PixelMap::Perspective { focal, .. } => edge(level) * focal / most * steepest(&view, *focal),
+            }
+        })
+        .collect();
+    let coarsest = |distance: f64| (0..=levels).rev().find(|level| distances[*level] <= distance).unwrap_or(0);
+    let Viewpoint::Perspective { eye, .. } = view.viewpoint else {
+        let level = coarsest(0.0);
+        return Ok(if level == 0 {
+            whole
+        } else {
+            LevelPart::within(scene, level, settings.crop).into_iter().collect()
+        });
+    };
+    let slow = super::setup::walk_order(&view, &scene.facts.grid, settings)?.slow.index();
+    let runs = runs(scene, slow, eye[slow], view.steps[slow], coarsest);
+    if let [(0, _)] = runs[..] {
+        return Ok(whole);
+    }
+    let all = VoxelBox { low: [0; 3], high: [u16::MAX; 3] };
+    let part = |(level, slices): (usize, Range<u32>)| {
+        let mut crop = settings.crop.unwrap_or(all);
+        let last = u16::try_from(slices.end - 1).unwrap_or(u16::MAX);
+        crop.low[slow] = crop.low[slow].max(u16::try_from(slices.start).unwrap_or(u16::MAX));
+        crop.high[slow] = crop.high[slow].min(last);
+        (crop.low[slow] <= crop.high[slow]).then(|| LevelPart::within(scene, level, Some(crop))).flatten()
+    };
+    Ok(runs.into_iter().filter_map(part).collect())
+}
+
+/// Returns how much farther from the eye a voxel may be than it is along the view axis: the inverse cosine of the angle
+/// between the view axis and the picture's corners.
+fn steepest(view: &View, focal: f64) -> f64 {
+    let [columns, rows] = view.size.map(f64::from);
+    (1.0 + (columns * columns + rows * rows) / (4.0 * focal * focal)).sqrt()
+}
+
+/// Returns runs of slices of level 0 along the slow axis, nearest first, with the level of each. `eye` is the eye's place on
+/// the axis, in slices, `step` their distance in mean voxels.
+fn runs(scene: &Scene, slow: usize, eye: f64, step: f64, coarsest: impl Fn(f64) -> usize) -> Vec<(usize, Range<u32>)> {
+    let slices = scene.facts.grid.dims[slow];
+    // Blocks of the coarsest level that any slice is drawn from: all runs begin and end at such.
+    let distance = |slice: u32| (f64::from(slice) - eye).abs() * step;
+    let most = coarsest(distance(0).max(distance(slices - 1)));
+    let block = factors(&scene.facts.grid, &facts_of(scene, most).grid)[slow];
+    let mut runs: Vec<(usize, Range<u32>)> = Vec::new();
+    for first in (0..slices).step_by(block as usize) {
+        let end = slices.min(first + block);
+        let holds_eye = (f64::from(first) - 0.5..f64::from(end) - 0.5).contains(&eye);
+        let nearest = if holds_eye { 0.0 } else { distance(first).min(distance(end - 1)) };
+        // Offsets and kernels reach out of a block by less than it is long.
+        let level = coarsest((nearest - f64::from(block) * step).max(0.0));
+        match runs.last_mut() {
+            Some((last, run)) if *last == level => run.end = end,
+            _ => runs.push((level, first..end)),
+        }
+    }
+    let place = |run: &Range<u32>| {
+        let (first, last) = (f64::from(run.start) - 0.5, f64::from(run.end) - 0.5);
+        if eye < first { first - eye } else { (eye - last).max(0.0) }
+    };
+    runs.sort_by(|(_, a), (_, b)| place(a).total_cmp(&place(b)));
+    runs
+}
+
+/// Returns how many points of `fine` along each axis are one of `coarse`.
+pub(crate) fn factors(fine: &Grid, coarse: &Grid) -> [u32; 3] {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a power of two of at most 2^15")]
+    [0, 1, 2].map(|a| (coarse.spacing[a] / fine.spacing[a]).round().clamp(1.0, 32_768.0) as u32)
+}
+
+impl LevelPart {
+    /// Returns the part of a level whose blocks have their centres in `crop`, a box of voxels of level 0; `None` if there are
+    /// none.
+    fn within(scene: &Scene, level: usize, crop: Option<VoxelBox>) -> Option<LevelPart> {
+        let Some(crop) = crop.filter(|_| level > 0) else { return Some(LevelPart { level, crop }) };
+        let factors = factors(&scene.facts.grid, &facts_of(scene, level).grid);
+        let mut of_level = VoxelBox { low: [0; 3], high: [0; 3] };
+        for (a, factor) in factors.into_iter().enumerate() {
+            // Twice the centre of block i is 2 factor i + factor - 1.
+            let (low, high) = (2 * u32::from(crop.low[a]), 2 * u32::from(crop.high[a]));
+            let first = (low + 1).saturating_sub(factor).div_ceil(2 * factor);
+            let last = (high + 1).saturating_sub(factor) / (2 * factor);
+            if high + 1 < factor && u32::from(crop.high[a]) + 1 < scene.facts.grid.dims[a] {
+                return None;
+            }
+            of_level.low[a] = u16::try_from(first).unwrap_or(u16::MAX);
+            // The last block may reach beyond the grid's end.
+            let is_end = u32::from(crop.high[a]) + 1 >= scene.facts.grid.dims[a];
+            of_level.high[a] = if is_end { u16::MAX } else { u16::try_from(last).unwrap_or(u16::MAX) };
+        }
+        let is_some = (0..3).all(|a| of_level.low[a] <= of_level.high[a]);
+        is_some.then_some(LevelPart { level, crop: Some(of_level) })
+    }
+}
