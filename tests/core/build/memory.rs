@@ -1,6 +1,6 @@
 //! Memory and threads have no say in what is built.
 
-use adjsplat::arena::TileOrder;
+use adjsplat::arena::{Levels, TileOrder};
 use adjsplat::build::{BuildOptions, Resources, Unobserved, build, classify};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::{RowsOutput, arena_bytes, write_rows};
@@ -61,6 +61,7 @@ fn any_budget_and_any_number_of_threads_give_the_bytes_of_a_build_in_memory() {
                         lane_count: options.lane_count,
                         memory,
                         threads,
+                        levels: Levels::default(),
                     };
                     let path = folder.path().join("built.adj");
                     let (facts, bytes) = write_rows(&path, &visible.rows, &output, &mut Unobserved).expect("writes");
