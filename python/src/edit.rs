@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use adjsplat::arena::layout::{Channels, Facts};
-use adjsplat::arena::{LaneSet, Overlay, Record};
+use adjsplat::arena::{LaneSet, Levels, Overlay, Record};
 use adjsplat::classify::{MagnitudeCodec, normal};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{RowsOutput, write_rows};
@@ -99,7 +99,8 @@ pub(crate) fn save_edited(
             apply(&mut overlay, &facts, change, &mut counts)?;
         }
         let description = description(lanes.arena().description(), facts.visible_voxels, &counts);
-        let output = RowsOutput { facts, description: &description, lane_count, memory, threads };
+        let output =
+            RowsOutput { facts, description: &description, lane_count, memory, threads, levels: Levels::default() };
         write_rows(&out, &overlay.rows()?, &output, &mut watch)?;
         adjsplat::Model::open(&out)
     });

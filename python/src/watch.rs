@@ -80,6 +80,7 @@ impl Observer for Watch {
             Phase::Survey => self.tell("survey", done, total),
             Phase::Pack => self.tell("pack", done, total),
             Phase::Assemble(axis) => self.tell(&format!("assemble {}", axis.name()), done, total),
+            Phase::Level(number) => self.tell(&format!("level {number}"), done, total),
             Phase::Flush => self.tell("flush", done, total),
         }
     }

@@ -12,7 +12,7 @@ use super::progress::Progress;
 use super::stored::stored_transfer;
 use super::values::number;
 use adjsplat::arena::layout::Facts;
-use adjsplat::arena::{LaneRows, LaneSet};
+use adjsplat::arena::{LaneRows, LaneSet, Levels};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput, write_rows};
 use adjsplat::splat::Scene;
@@ -94,8 +94,8 @@ impl Culled {
     }
 }
 
-/// Writes the voxels of `file` without the hidden ones to `output`, with as many lanes.
-pub(super) fn cull(file: &AdjFile, output: &Path, culling: &Culling, quiet: bool) -> Result<Culled> {
+/// Writes the voxels of `file` without the hidden ones to `output`, with as many lanes, and with `levels`.
+pub(super) fn cull(file: &AdjFile, output: &Path, culling: &Culling, levels: Levels, quiet: bool) -> Result<Culled> {
     let arena = file.arena()?;
     let facts = arena.facts().clone();
     let bytes_before = arena.bytes().len() as u64;
@@ -140,6 +140,7 @@ pub(super) fn cull(file: &AdjFile, output: &Path, culling: &Culling, quiet: bool
         lane_count,
         memory: Some(culling.memory),
         threads: culling.threads,
+        levels,
     };
     let (written, bytes) = write_rows(output, &rows, &wanted, &mut Progress::new(quiet))?;
     let mut report = record;

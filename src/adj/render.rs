@@ -27,7 +27,7 @@ use super::size::memory;
 use super::stored::{missing_values, stored_transfer};
 use super::values::number;
 use super::{Answer, print_note};
-use adjsplat::arena::{Arena, LaneSet};
+use adjsplat::arena::{Arena, LaneSet, Levels};
 use adjsplat::build::Resources;
 use adjsplat::classify::TransferFunction;
 use adjsplat::collection::Collection;
@@ -164,7 +164,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         let description = description(&header, &visible)?;
         let lane_count = options.lane_count;
         let facts = visible.facts.clone();
-        let output = RowsOutput { facts, description: &description, lane_count, memory, threads: settings.threads };
+        let output = RowsOutput {
+            facts,
+            description: &description,
+            lane_count,
+            memory,
+            threads: settings.threads,
+            levels: Levels::default(),
+        };
         let file = open_rows(&folder, &visible.rows, &output, &mut Progress::new(arguments.quiet))?;
         drop((visible, source));
         return job.draw_file(file, settings, None);

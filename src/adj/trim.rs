@@ -13,10 +13,10 @@ use super::info::is_adj;
 use super::progress::Progress;
 use super::resources::ResourceArguments;
 use super::stored::{missing_values, stored_transfer};
-use super::values::{Crop, choice, crop};
+use super::values::{Crop, choice, crop, levels};
 use super::{Answer, print_note, print_result};
 use adjsplat::arena::layout::Facts;
-use adjsplat::arena::{Arena, Region, TileOrder, Trim, TrimOptions, trim};
+use adjsplat::arena::{Arena, Levels, Region, TileOrder, Trim, TrimOptions, trim};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput, write_rows};
@@ -61,6 +61,10 @@ pub(super) struct Arguments {
     classification: ClassificationArguments,
     #[command(flatten)]
     packing: PackingArguments,
+    /// Coarser levels of detail: a number of them, none, or auto for as many as are of use. They are made again from what
+    /// is left; by default as many as the input has
+    #[arg(long, value_name = "N|auto|none", value_parser = levels, help_heading = "Packing (as in the input by default)")]
+    levels: Option<Levels>,
     #[command(flatten)]
     resources: ResourceArguments,
 }
@@ -124,12 +128,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let description = description(&arena, arguments, crop, left.transfer.as_ref());
     let tile_order = arguments.packing.order.unwrap_or(left.facts.tile_order);
     let stored_lanes = u8::try_from(arena.lanes().count()).expect("there are three axes");
+    let levels = arguments.levels.unwrap_or(Levels::Count(arena.level_count()));
     let output = RowsOutput {
         facts: Facts { tile_order, ..left.facts },
         description: &description,
         lane_count: arguments.packing.lanes.unwrap_or(stored_lanes),
         memory: Some(memory),
         threads,
+        levels,
     };
     let (facts, bytes) = write_rows(&arguments.output, &*left.rows, &output, &mut Progress::new(arguments.quiet))?;
     report(arguments, &arena, &facts, bytes, start.elapsed().as_secs_f64());

@@ -9,6 +9,7 @@ use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
+use adjsplat::arena::{Levels, MOST_LEVELS};
 use adjsplat::classify::Colour;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{ClipPlane, KernelShape};
@@ -49,6 +50,18 @@ pub(super) fn library<T>(parse: impl Fn(&str) -> Result<T> + Clone) -> impl Fn(&
             Error::Input { why, .. } => why.split_once(", but ").map_or(why.clone(), |(_, must)| must.to_owned()),
             other => other.to_string(),
         })
+    }
+}
+
+/// Parses the number of levels of detail: a number, `auto` or `none`.
+pub(super) fn levels(text: &str) -> Result<Levels, String> {
+    match text.trim() {
+        "auto" => Ok(Levels::Auto),
+        "none" => Ok(Levels::default()),
+        number => {
+            let count = number.parse().ok().filter(|count| (0..=MOST_LEVELS).contains(count));
+            count.map(Levels::Count).ok_or_else(|| format!("must be auto, none, or 0 to {MOST_LEVELS}"))
+        }
     }
 }
 

@@ -82,6 +82,13 @@ pub struct FormatFault {
     pub got: String,
 }
 
+impl FormatFault {
+    /// Returns the fault of a file that lies in another one, from byte `offset` on.
+    pub(crate) fn moved(self, offset: u64) -> FormatFault {
+        FormatFault { at: self.at.saturating_add(offset), ..self }
+    }
+}
+
 impl Error {
     /// Returns a closure for `map_err` that creates an [`Error::Io`]: `action` (a verb) on `path` failed.
     pub fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Error {

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use adjsplat::Model;
 use adjsplat::arena::layout::{Channels, Facts, Scales};
-use adjsplat::arena::{Record, Region, Rows, TileOrder, Voxel};
+use adjsplat::arena::{Levels, Record, Region, Rows, TileOrder, Voxel};
 use adjsplat::error::Result;
 use adjsplat::file::{RowsOutput, write_rows};
 use adjsplat::traverse::Viewpoint;
@@ -420,7 +420,7 @@ fn sparse(folder: &Folder, name: &str, depth: u16) {
         visible_voxels: voxels.len() as u64,
     };
     let description = r#"{"source":{"sample_type":"u8"},"transfer_function":{"kind":"range","low":100,"opacity":1}}"#;
-    let output = RowsOutput { facts, description, lane_count: 1, memory: None, threads: 1 };
+    let output = RowsOutput { facts, description, lane_count: 1, memory: None, threads: 1, levels: Levels::default() };
     let rows = Sparse { dims, voxels };
     write_rows(&folder.file(name), &rows, &output, &mut adjsplat::build::Unobserved).expect("writes");
     folder.adj(&format!("verify {name}")).done();

@@ -3,7 +3,7 @@
 //! Cannot catch: a voxel too many or too few in a file that is sound (`tests/edits/trim.rs` does).
 
 use adjsplat::arena::layout::SectionKind;
-use adjsplat::arena::{Arena, TrimOptions, trim};
+use adjsplat::arena::{Arena, Levels, TrimOptions, trim};
 use adjsplat::build::Unobserved;
 use adjsplat::file::{RowsOutput, write_rows};
 use serde_json::{Value, json};
@@ -211,6 +211,7 @@ fn cutting_open_a_file_without_hidden_voxels_is_told() {
         lane_count: 1,
         memory: None,
         threads: 1,
+        levels: Levels::default(),
     };
     write_rows(&folder.file("h.adj"), &*left.rows, &output, &mut Unobserved).expect("writes");
     let ran = folder.adj("trim h.adj -o b.adj --crop ..,1..,..");

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use adjsplat::Error;
-use adjsplat::arena::LaneSet;
+use adjsplat::arena::{LaneSet, Levels};
 use adjsplat::build::{Resources, Unobserved, classify};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::{AdjFile, RowsOutput, write_rows};
@@ -35,8 +35,14 @@ fn build(folder: &Path, side: u64, lane_count: u8) -> PathBuf {
     let options = options(thin()).with_lane_count(lane_count);
     let resources = Resources { memory: None, threads: 2, folder: None };
     let visible = classify(&mut *source, &options, &resources, &mut Unobserved).unwrap();
-    let output =
-        RowsOutput { facts: visible.facts.clone(), description: DESCRIPTION, lane_count, memory: None, threads: 2 };
+    let output = RowsOutput {
+        facts: visible.facts.clone(),
+        description: DESCRIPTION,
+        lane_count,
+        memory: None,
+        threads: 2,
+        levels: Levels::default(),
+    };
     write_rows(&path, &visible.rows, &output, &mut Unobserved).unwrap();
     path
 }

@@ -9,7 +9,7 @@ use super::super::stored::stored_transfer;
 use super::frames::draw_frames;
 use super::view::cameras;
 use super::{RenderJob, draw, pictured};
-use adjsplat::arena::{Arena, LaneSet};
+use adjsplat::arena::{Arena, LaneSet, Levels};
 use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{RowsOutput, open_rows, scratch_folder};
@@ -32,7 +32,7 @@ impl RenderJob<'_> {
         if self.memory.is_some() {
             let (facts, description) = (collection.manifest().facts(), collection.manifest().description());
             let (lane_count, memory, threads) = (collection.manifest().lanes, self.memory, settings.threads);
-            let output = RowsOutput { facts, description, lane_count, memory, threads };
+            let output = RowsOutput { facts, description, lane_count, memory, threads, levels: Levels::default() };
             let folder = scratch_folder(&arguments.output)?;
             let file = open_rows(&folder, &collection.rows()?, &output, &mut progress)?;
             drop(progress);

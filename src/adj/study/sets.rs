@@ -12,7 +12,7 @@ use super::super::resources::processors;
 use super::super::stored::stored_transfer;
 use super::super::values::number;
 use super::super::{print_note, starts_as_adj};
-use adjsplat::arena::LaneSet;
+use adjsplat::arena::{LaneSet, Levels};
 use adjsplat::build::{BuildOptions, Resources};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
@@ -164,7 +164,14 @@ impl SetVolume {
         let header = source.header().clone();
         let visible = classify_with_warnings(source, &options, &resources, true)?;
         let (facts, description) = (visible.facts.clone(), &description(&header, &visible)?);
-        let output = RowsOutput { facts, description, lane_count: options.lane_count, memory, threads };
+        let output = RowsOutput {
+            facts,
+            description,
+            lane_count: options.lane_count,
+            memory,
+            threads,
+            levels: Levels::default(),
+        };
         let file = open_rows(&folder, &visible.rows, &output, &mut Progress::new(true))?;
         Ok(Set { name, file, transfer: visible.transfer.clone() })
     }

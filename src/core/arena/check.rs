@@ -1,14 +1,16 @@
 //! The check: tells whether the content of an open arena follows all rules of the format, in O(bytes).
 //!
-//! In: an [`Arena`]. Out: counts, or the first broken rule of `formats/adj-1.md` among R12 to R22 with its byte. The check
-//! allocates nothing that grows with the file, but for one string of the description, and ends on any bytes: every tile,
-//! line and record is read once, because it must start where the previous one ends.
+//! In: an [`Arena`]. Out: counts, or the first broken rule of `formats/adj-1.md` among R12 to R22, R25 and R26 with its
+//! byte. The check allocates nothing that grows with the file, but for one string of the description and, with levels, four
+//! bytes a tile. It ends on any bytes: every tile, line and record is read once, because it must start where the previous
+//! one ends.
 //!
 //! ```text
 //! for each section in file order: its checksum, the zeros after it, the description's text
 //! for each lane: for each tile: its position, mask and first indices
 //!                    for each line: its end, its steps, and a hash of each voxel, added to the lane's sum
 //! all lanes have the same sum
+//! for each level: the same again, and the sum of what the level below gives is the sum of its lanes
 //! ```
 //!
 //! The sums show without sorting that all lanes hold the same voxels: a sum of hashes over (position, value, normal,
@@ -23,9 +25,13 @@ use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::lane::{Lane, STEPPING};
+use super::lane_rows::LaneRows;
 use super::layout::{Channels, Facts, FileHeader, SectionEntry, SectionKind, TILE_EDGE, TileRecord, line_end_bytes};
+use super::levels::{CoarserRows, coarser, holds_labels};
 use super::open::{Arena, fault, zeros_from};
+use super::pack::Record;
 use super::pager::tell;
+use super::rows::{Region, Rows as _, Voxel};
 use crate::error::FormatFault;
 use crate::limits::MAX_DESCRIPTION_BYTES;
 use crate::volume::Axis;
@@ -59,7 +65,7 @@ pub struct CheckedLane {
 }
 
 impl Arena<'_> {
-    /// Checks everything that [`Arena::new`] did not check: rules R12 to R22 of `formats/adj-1.md`.
+    /// Checks everything that [`Arena::new`] did not check: rules R12 to R22, R25 and R26 of `formats/adj-1.md`.
     ///
     /// In a file that passes, all lanes hold the same voxels, inside the grid, in the only valid way to store them. Any
     /// change of a single byte of such a file makes opening or this check fail. O(bytes): 4 to 7 ns per record, with
@@ -68,6 +74,25 @@ impl Arena<'_> {
     /// # Errors
     /// The first broken rule, with its byte offset in the file.
     pub fn check(&self) -> Result<Checked, FormatFault> {
+        let (checked, _) = self.check_voxels()?;
+        let is_labels = holds_labels(self.description());
+        let mut below = self.clone();
+        for number in 1..=self.level_count() {
+            let section = self.level_section(number).zip(self.level(number));
+            let (section, level) = section.expect("the levels were opened with the file");
+            let at = section.offset.get();
+            let (_, sum) = level.check_voxels().map_err(|fault| fault.moved(at))?;
+            if sum != coarser_sum(&below, is_labels, level.fingerprint()) {
+                let expected = format!("level {number} as level {} gives it", number - 1);
+                return Err(fault(at, "R26", expected, "another: make the levels again with adj trim --levels"));
+            }
+            below = level;
+        }
+        Ok(checked)
+    }
+
+    /// Checks all rules but those of levels. Returns the counts, and the sum of the voxels' hashes.
+    fn check_voxels(&self) -> Result<(Checked, u64), FormatFault> {
         check_sections(self)?;
         let mut checked = Checked {
             bytes: self.bytes().len() as u64,
@@ -90,7 +115,7 @@ impl Arena<'_> {
             }
             checked.lanes.push(counts);
         }
-        Ok(checked)
+        Ok((checked, sum_of_x.unwrap_or(0)))
     }
 }
 
@@ -136,6 +161,7 @@ fn name_of(section: &SectionEntry) -> String {
     match (section.known_kind(), section.lane_axis()) {
         (Some(kind), Some(axis)) => format!("{} of lane {}", kind.name(), axis.name()),
         (Some(kind), None) => kind.name().to_owned(),
+        (None, _) if section.level().is_some() => format!("level {}", section.level().unwrap_or(0)),
         (None, _) => "a section of an optional kind".to_owned(),
     }
 }
@@ -212,6 +238,27 @@ fn section_offset(arena: &Arena, kind: SectionKind, axis: Axis) -> u64 {
     arena.section(kind, Some(axis)).map_or(0, |section| section.offset.get())
 }
 
+/// Returns the sum of the hashes, keyed by `fingerprint`, of the voxels of the level above `below`, which is sound.
+fn coarser_sum(below: &Arena, is_labels: bool, fingerprint: u64) -> u64 {
+    let (lane, factors) = below.lane(Axis::X).zip(coarser(&below.facts().grid)).map_or_else(
+        || unreachable!("R24 holds: the level below has a lane along x and a coarser grid"),
+        |(lane, (_, factors))| (lane, factors),
+    );
+    let below = LaneRows::new(lane, |_, _, record| Some(record));
+    let rows = CoarserRows::new(&below, factors, is_labels, 1);
+    let hash = VoxelHash::new(fingerprint);
+    let mut sum = 0u64;
+    let add = &mut |y: u16, z: u16, voxels: &[Voxel]| {
+        for Voxel { x, record: Record { value, normal, magnitude, coverage } } in voxels {
+            let place = [(*x, 0), (y, 16), (z, 32), (*value, 48)].map(|(part, shift)| u64::from(part) << shift);
+            let shading = u64::from(*normal) | u64::from(*magnitude) << 32 | u64::from(*coverage) << 40;
+            sum = sum.wrapping_add(hash.of(place.into_iter().sum(), shading));
+        }
+    };
+    rows.read(Region::of_grid(rows.dims()), add).expect("a lane in memory is read without errors");
+    sum
+}
+
 struct LaneCheck<'a> {
     lane: Lane<'a>,
     facts: &'a Facts,
@@ -232,6 +279,8 @@ struct LineOutcome {
     stepping_voxels: u32,
     /// Bitwise OR of all codes of stepping voxels; must be 0, because they hold no voxel.
     stray: u64,
+    /// Whether a voxel has a coverage of 0.
+    is_uncovered: bool,
     sum: u64,
 }
 
@@ -342,7 +391,7 @@ impl<'a> LaneCheck<'a> {
         Ok(end)
     }
 
-    /// Checks the records of the line at `bit` of the tile's mask. R17, R18.
+    /// Checks the records of the line at `bit` of the tile's mask. R17, R18, R25.
     #[inline(always)]
     fn check_line(&mut self, tile: &TileRecord, bit: u32, records: Range<usize>) -> Result<LineOutcome, FormatFault> {
         let lane = &self.lane;
@@ -367,6 +416,11 @@ impl<'a> LaneCheck<'a> {
         }
         if outcome.stray != 0 {
             return Err(self.stray_fault(records));
+        }
+        if outcome.is_uncovered {
+            let mut voxels = records.filter(|&record| lane.steps[record] != 0);
+            let record = voxels.find(|&record| lane.coverage_code(record) == 0).expect("one was found");
+            return Err(fault(self.offsets[6] + record as u64, "R25", "a coverage above 0", "0"));
         }
         self.stepping_voxels += u64::from(outcome.stepping_voxels);
         self.sum = self.sum.wrapping_add(outcome.sum);
@@ -463,17 +517,18 @@ fn follow_line<const V: usize, const N: usize, const M: usize, const C: usize>(
     let magnitudes = &lane.magnitudes[M * from..][..M * count];
     let coverages = &lane.coverages[C * from..][..C * count];
     let shift = shift(lane.axis);
-    let mut outcome = LineOutcome { end: 0, stepping_voxels: 0, stray: 0, sum: 0 };
+    let mut outcome = LineOutcome { end: 0, stepping_voxels: 0, stray: 0, is_uncovered: false, sum: 0 };
     for (record, &step) in steps.iter().enumerate() {
         let value = number::<V>(values, record);
-        let shading =
-            number::<N>(normals, record) | number::<M>(magnitudes, record) << 32 | number::<C>(coverages, record) << 40;
+        let coverage = number::<C>(coverages, record);
+        let shading = number::<N>(normals, record) | number::<M>(magnitudes, record) << 32 | coverage << 40;
         if step == 0 {
             outcome.end += STEPPING;
             outcome.stepping_voxels += 1;
             outcome.stray |= value | shading;
         } else {
             outcome.end += u32::from(step);
+            outcome.is_uncovered |= C > 0 && coverage == 0;
             let place = place | u64::from(outcome.end - 1) << shift | value << 48;
             outcome.sum = outcome.sum.wrapping_add(hash.of(place, shading));
         }

@@ -8,7 +8,8 @@
 //!    0  header, 256 bytes                      \ one checksum, R3
 //!  256  section table, 32 bytes an entry       /
 //!       description (JSON)                      sections in table order, each filled up with zeros to a
-//!       for each lane: tiles, line ends,        multiple of 256 bytes, the last one too: R5, R21
+//!       levels, the coarsest first              multiple of 256 bytes, the last one too: R5, R21
+//!       for each lane: tiles, line ends,
 //!       steps, values, normals, magnitudes,
 //!       coverages
 //! ```
@@ -21,6 +22,7 @@ use zerocopy::byteorder::little_endian::{F64, U16, U32, U64};
 use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes, KnownLayout, Unaligned};
 
 use super::curve::TileOrder;
+use super::levels::MOST_LEVELS;
 use crate::volume::{Axis, Grid};
 
 /// The first eight bytes of a file: a byte that is not ASCII, "ADJ", then line breaks that a text transfer changes.
@@ -39,7 +41,7 @@ pub const TILE_EDGE: u16 = 8;
 pub const OPTIONAL_KINDS: u16 = 0x8000;
 /// Longest scan line, in grid points, whose end is stored in two bytes: 64 such lines have at most 65,535 records.
 pub const NARROW_LINE: u32 = 1_023;
-/// Largest number of sections in a file; three complete lanes need 22.
+/// Largest number of sections in a file; three complete lanes with all levels need 37.
 pub const MAX_SECTIONS: u32 = 1_024;
 
 /// The first 256 bytes of a file.
@@ -124,9 +126,22 @@ impl SectionEntry {
         kinds.find(|&kind| kind as u16 == self.kind.get())
     }
 
+    /// Returns the number of the coarser level that the section holds, 1 to [`MOST_LEVELS`](super::MOST_LEVELS), as an
+    /// `.adj` file; `None` for another section.
+    pub fn level(&self) -> Option<u8> {
+        let number = self.kind.get().checked_sub(OPTIONAL_KINDS)?;
+        u8::try_from(number).ok().filter(|number| (1..=MOST_LEVELS).contains(number))
+    }
+
     /// Returns the axis of the lane that the section belongs to; `None` for the description.
     pub fn lane_axis(&self) -> Option<Axis> {
         Axis::from_index(self.axis.into())
+    }
+
+    /// Returns the entry of the section of level `level`, like [`SectionEntry::empty`].
+    pub(crate) fn of_level(level: u8) -> SectionEntry {
+        let kind = U16::new(OPTIONAL_KINDS + u16::from(level));
+        SectionEntry { kind, ..SectionEntry::empty(SectionKind::Description, None, 1) }
     }
 
     /// Returns the entry of a section without a position yet: offset, length and checksum are 0.

@@ -1,8 +1,8 @@
 //! The arena: only the visible voxels of a volume, packed in lanes.
 //!
 //! A [`Lane`] holds every visible voxel once, sorted into the scan lines along one axis. Three lanes, one per axis,
-//! serve every view direction. An [`Arena`] gives access to the bytes of a file without copying. An [`Overlay`] adds
-//! and removes voxels, [`trim`] makes a smaller arena.
+//! serve every view direction. An [`Arena`] gives access to the bytes of a file without copying, and to coarser levels of
+//! detail that the file may hold. An [`Overlay`] adds and removes voxels, [`trim`] makes a smaller arena.
 
 mod check;
 mod codes;
@@ -13,6 +13,7 @@ pub(crate) mod lane;
 mod lane_rows;
 pub(crate) mod lanes;
 pub mod layout;
+pub(crate) mod levels;
 mod open;
 mod overlay;
 mod owned_lane;
@@ -34,6 +35,7 @@ pub use lane::{Elsewhere, Lane, LineEnds, LineSpan};
 pub use lane_rows::LaneRows;
 pub use lanes::LaneSet;
 pub use layout::{Channels, TileRecord};
+pub use levels::{CoarserRows, Levels, MOST_LEVELS, coarser, coverage_share};
 pub use open::Arena;
 pub use overlay::Overlay;
 pub use owned_lane::OwnedLane;

@@ -18,6 +18,7 @@ use super::layout::{
     ALIGNMENT, Channels, Facts, FileHeader, MAGIC, MAJOR, MAX_SECTIONS, OPTIONAL_KINDS, Scales, SectionEntry,
     SectionKind, TILE_EDGE, TileRecord, aligned, header_checksum,
 };
+use super::levels::level_facts;
 use super::pager::{Pager, tell};
 use crate::error::{Error, FormatFault};
 use crate::limits::Limits;
@@ -31,7 +32,7 @@ pub struct Arena<'a> {
     fingerprint: u64,
     sections: &'a [SectionEntry],
     lanes: [Option<Lane<'a>>; 3],
-    pub(super) pager: Option<&'a dyn Pager>,
+    pub(crate) pager: Option<&'a dyn Pager>,
 }
 
 /// Creates the [`FormatFault`] for a file that breaks `rule` at byte `at`.
@@ -168,12 +169,14 @@ impl<'a> Head<'a> {
 impl<'a> Arena<'a> {
     /// Opens an arena: checks header, section table and the bounds of sections, in O(number of sections).
     ///
-    /// The content of sections is not checked. Walks are safe on any content; [`Arena::check`] tells if it is valid.
+    /// The content of sections is not checked, but for the headers of levels. Walks are safe on any content;
+    /// [`Arena::check`] tells if it is valid.
     ///
     /// # Errors
-    /// The first broken rule of `formats/adj-1.md` among R1 to R11.
+    /// The first broken rule of `formats/adj-1.md` among R1 to R11, R23 and R24.
     pub fn new(bytes: &'a [u8]) -> Result<Arena<'a>, FormatFault> {
         let head = Head::new(bytes, bytes.len() as u64)?;
+        check_levels(bytes, &head)?;
         let lanes = Axis::ALL.map(|axis| head.lane(axis).ok().flatten().map(|places| (axis, places)));
         let Head { table, facts, checksum, .. } = head;
         let mut arena = Arena { bytes, facts, fingerprint: checksum, sections: table, lanes: [None; 3], pager: None };
@@ -204,7 +207,36 @@ impl<'a> Arena<'a> {
     /// # Errors
     /// [`Error::Limit`] that names the file and the size that is too large.
     pub fn within(&self, path: &Path, limits: &Limits) -> Result<(), Error> {
-        sections_within(&self.facts, self.sections, self.bytes.len() as u64, path, limits)
+        sections_within(&self.facts, self.sections, self.bytes.len() as u64, path, limits)?;
+        (1..=self.level_count()).filter_map(|level| self.level(level)).try_for_each(|level| level.within(path, limits))
+    }
+
+    /// Returns the number of coarser levels of detail that the file holds.
+    ///
+    /// Of a file whose [`Directory`](super::Directory) alone is there it is 0.
+    pub fn level_count(&self) -> u8 {
+        self.sections.iter().filter_map(SectionEntry::level).max().unwrap_or(0)
+    }
+
+    /// Returns level `level` of the file: 0 is the arena itself, 1 to [`Arena::level_count`] are coarser and coarser. `None` if
+    /// the file does not hold it.
+    ///
+    /// Levels are of the voxels that the file stores. An [`Overlay`](super::Overlay) does not change them: while there are
+    /// edits, they show what was there before.
+    pub fn level(&self, level: u8) -> Option<Arena<'a>> {
+        if level == 0 {
+            return Some(self.clone());
+        }
+        let arena = Arena::new(self.section_bytes(self.level_section(level)?)).ok()?;
+        Some(match self.pager {
+            Some(pager) => arena.with_pager(pager),
+            None => arena,
+        })
+    }
+
+    /// Returns the section of a level above 0.
+    pub(super) fn level_section(&self, level: u8) -> Option<&'a SectionEntry> {
+        self.sections.iter().find(|section| section.level() == Some(level))
     }
 
     /// Returns the arena with a `pager`, which is told which parts of the arena are about to be read.
@@ -371,6 +403,7 @@ fn facts_of(header: &FileHeader) -> Result<Facts, FormatFault> {
 /// Checks the section table. R5, R8, R10, R11.
 fn check_table(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result<(), FormatFault> {
     let mut next = aligned((size_of::<FileHeader>() + size_of_val(table)) as u64);
+    let mut last_level = None;
     for (index, entry) in table.iter().enumerate() {
         let (kind, axis) = (entry.known_kind(), entry.lane_axis());
         if kind.is_none() && entry.kind.get() < OPTIONAL_KINDS {
@@ -379,6 +412,7 @@ fn check_table(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result
         let fits = match kind {
             Some(SectionKind::Description) => entry.axis == 255,
             Some(_) => axis.is_some(),
+            None if entry.level().is_some() => entry.axis == 255,
             None => axis.is_some() || entry.axis == 255,
         };
         if !fits {
@@ -390,6 +424,16 @@ fn check_table(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result
             let owner = axis.map_or("the file".to_owned(), |axis| format!("lane {}", axis.name()));
             let expected = format!("one section of {} in {owner}", kind.name());
             return Err(fault(at!(entry[index].kind), "R10", expected, "a second one"));
+        }
+        if let Some(level) = entry.level() {
+            if last_level.is_some_and(|(last, _)| level != last - 1) {
+                let expected = "levels by falling number, one after the other";
+                return Err(fault(at!(entry[index].kind), "R23", expected, format!("level {level}")));
+            }
+            if table[..index].iter().any(|earlier| earlier.lane_axis().is_some()) {
+                return Err(fault(at!(entry[index].kind), "R23", "levels before lanes", format!("level {level}")));
+            }
+            last_level = Some((level, index));
         }
         zeros_from(at!(entry[index].reserved), "R8", &entry.reserved.get().to_le_bytes())?;
         let (offset, bytes) = (entry.offset.get(), entry.bytes.get());
@@ -404,6 +448,7 @@ fn check_table(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result
         };
         next = aligned(end);
         let element = match (kind, axis) {
+            (None, _) if entry.level().is_some() => 1,
             (None, _) => entry.element_bytes.max(1),
             (Some(kind), axis) => kind.element_bytes(facts.channels, facts.grid.dims, axis.unwrap_or(Axis::X)),
         };
@@ -420,9 +465,61 @@ fn check_table(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result
             return Err(fault(at!(entry[index].bytes), "R11", expected, bytes));
         }
     }
+    if let Some((last, index)) = last_level.filter(|(last, _)| *last > 1) {
+        return Err(fault(at!(entry[index].kind), "R23", "level 1 after it", format!("level {last} as the last one")));
+    }
     if next != file_bytes {
         let expected = format!("the last section filled up to byte {next}, and the file's end there");
         return Err(fault(at!(header.file_bytes), "R5", expected, file_bytes));
+    }
+    Ok(())
+}
+
+/// Checks the header and the section table of each level, and that they fit those of the level below. R1 to R11, R24.
+fn check_levels(bytes: &[u8], head: &Head) -> Result<(), FormatFault> {
+    let lanes = |head: &Head| Axis::ALL.map(|axis| head.lane(axis).ok().flatten().is_some());
+    let mut below = head.facts.clone();
+    for section in head.table.iter().rev().filter(|section| section.level().is_some()) {
+        let offset = section.offset.get();
+        // `check_table` found the section inside the file.
+        let place = |at: u64| usize::try_from(at).unwrap_or(usize::MAX);
+        let file = bytes.get(place(offset)..place(offset.saturating_add(section.bytes.get()))).unwrap_or_default();
+        let level = Head::new(file, file.len() as u64).map_err(|fault| fault.moved(offset))?;
+        let wrong = |at: u64, expected: String, got: String| Err(fault(at, "R24", expected, got).moved(offset));
+        let Some((expected, _)) = level_facts(&below) else {
+            return wrong(at!(header.dims), "no level of a grid that has no coarser one".into(), "a level".into());
+        };
+        let (grid, found) = (&expected.grid, &level.facts.grid);
+        let same = |a: &[f64], b: &[f64]| a.iter().map(|a| a.to_bits()).eq(b.iter().map(|b| b.to_bits()));
+        let scales = |scales: &Scales| [scales.value_low, scales.value_step, scales.magnitude_scale];
+        let (channels, has) = (expected.channels, level.facts.channels);
+        let tests = [
+            ("dimensions", grid.dims == found.dims, at!(header.dims)),
+            ("value bits", channels.value_bits == has.value_bits, at!(header.value_bits)),
+            ("normal bits", channels.normal_bits == has.normal_bits, at!(header.normal_bits)),
+            ("magnitude bits", channels.magnitude_bits == has.magnitude_bits, at!(header.magnitude_bits)),
+            ("a tile order", expected.tile_order == level.facts.tile_order, at!(header.tile_order)),
+            ("spacing", same(&grid.spacing, &found.spacing), at!(header.spacing)),
+            ("origin", same(&grid.origin, &found.origin), at!(header.origin)),
+            ("direction", same(grid.direction.as_flattened(), found.direction.as_flattened()), at!(header.direction)),
+            ("scales", same(&scales(&expected.scales), &scales(&level.facts.scales)), at!(header.value_low)),
+            ("coverages", has.coverage_bits == 8, at!(entry[0].kind)),
+            ("lanes", lanes(&level) == lanes(head), at!(entry[0].kind)),
+        ];
+        if let Some((what, _, at)) = tests.into_iter().find(|(_, is_right, _)| !is_right) {
+            return wrong(at, format!("{what} that follow from the level below"), "others".into());
+        }
+        for (index, entry) in level.table.iter().enumerate() {
+            if let Some(number) = entry.level() {
+                return wrong(at!(entry[index].kind), "no levels in a level".into(), format!("level {number}"));
+            }
+        }
+        let is_description = |entry: &SectionEntry| entry.known_kind() == Some(SectionKind::Description);
+        let description = level.table.iter().find(|entry| is_description(entry)).map_or(0, |entry| entry.bytes.get());
+        if description != 2 {
+            return wrong(at!(entry[0].bytes), "a description of 2 bytes, {}".into(), format!("{description} bytes"));
+        }
+        below = level.facts;
     }
     Ok(())
 }

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::arena::TileOrder;
 use crate::arena::layout::Channels;
+use crate::arena::{Levels, MOST_LEVELS, TileOrder};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::volume::SampleType;
@@ -26,6 +26,9 @@ pub struct BuildOptions {
     pub value_bits: Option<u8>,
     /// Bits of each of a normal's two components: 8 or 16, or 0 for no normals.
     pub normal_bits: u8,
+    /// Coarser levels of detail that are stored beside the voxels.
+    #[serde(default, skip_serializing_if = "Levels::is_none")]
+    pub levels: Levels,
 }
 
 /// Limits on the memory, threads and disk that a build may use.
@@ -60,7 +63,8 @@ impl BuildOptions {
     /// they are needed, and normals of 2 x 8 bits if the function is shaded.
     pub fn new(transfer: TransferFunction) -> BuildOptions {
         let normal_bits = if transfer.shaded() { 8 } else { 0 };
-        BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: None, normal_bits }
+        let (tile_order, levels) = (TileOrder::Morton, Levels::default());
+        BuildOptions { transfer, lane_count: 3, tile_order, value_bits: None, normal_bits, levels }
     }
 
     /// Stores 1, 2 or 3 lanes: along x, y, z.
@@ -83,9 +87,19 @@ impl BuildOptions {
         BuildOptions { normal_bits, ..self }
     }
 
+    /// Stores coarser levels of detail: a number of them, or [`Levels::Auto`].
+    pub fn with_levels(self, levels: impl Into<Levels>) -> BuildOptions {
+        BuildOptions { levels: levels.into(), ..self }
+    }
+
     pub(crate) fn check(&self) -> Result<()> {
         if !(1..=3).contains(&self.lane_count) {
             return Err(Error::input("lanes", "must be x, xy or xyz"));
+        }
+        if let Levels::Count(count) = self.levels
+            && count > MOST_LEVELS
+        {
+            return Err(Error::input("levels", format!("are {count}, but must be 0 to {MOST_LEVELS}")));
         }
         for (what, bits, choices) in
             [("value bits", self.value_bits.unwrap_or(8), &[8, 16][..]), ("normal bits", self.normal_bits, &[0, 8, 16])]

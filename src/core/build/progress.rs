@@ -15,6 +15,8 @@ pub enum Phase {
     Pack,
     /// Builds the lane along this axis.
     Assemble(Axis),
+    /// Makes the coarser level of this number.
+    Level(u8),
     /// Waits until the file is on disk.
     Flush,
 }

@@ -11,7 +11,7 @@ use super::manifest::{BrickEntry, Manifest, fingerprint};
 use super::preview::preview_grid;
 use crate::arena::lanes::DerivedLanes;
 use crate::arena::layout::Facts;
-use crate::arena::{Checked, LaneRows, Rows};
+use crate::arena::{Checked, LaneRows, Levels, Rows};
 use crate::build::Observer;
 use crate::build::builder::lanes_of;
 use crate::error::{Error, Result};
@@ -212,7 +212,14 @@ impl Collection {
         observer: &mut dyn Observer,
     ) -> Result<(Facts, u64)> {
         let (facts, description) = (self.manifest.facts(), self.manifest.description());
-        let output = RowsOutput { facts, description, lane_count: self.manifest.lanes, memory, threads };
+        let output = RowsOutput {
+            facts,
+            description,
+            lane_count: self.manifest.lanes,
+            memory,
+            threads,
+            levels: Levels::default(),
+        };
         write_rows(path, &self.rows()?, &output, observer)
     }
 }

@@ -22,8 +22,8 @@ use super::manifest::{Manifest, brick_description};
 use super::preview::{default_every, join_preview, remove_parts};
 use super::split::BrickPlace;
 use super::{BrickEntry, Collection, Partition, PreviewEntry};
-use crate::arena::Region;
 use crate::arena::layout::Facts;
+use crate::arena::{Levels, Region};
 use crate::build::budget::Budget;
 use crate::build::builder::{keep_visible, survey};
 use crate::build::classified::ClassifiedRows;
@@ -401,7 +401,8 @@ impl Plan {
         let rows = RowsWithin { rows: &rows, within: kept };
         let Resources { memory, threads, .. } = *resources;
         let lane_count = self.options.lane_count;
-        let output = RowsOutput { facts, description: &description, lane_count, memory, threads };
+        let output =
+            RowsOutput { facts, description: &description, lane_count, memory, threads, levels: Levels::default() };
         place.write(folder, &rows, voxels, &output, observer)?;
         let every = self.preview_step();
         if place.partition == 0 && every > 1 {
@@ -472,7 +473,8 @@ impl Plan {
             return Ok(Some(preview));
         }
         let (lane_count, memory, threads) = (self.options.lane_count, None, 1);
-        let output = RowsOutput { facts: facts.clone(), description, lane_count, memory, threads };
+        let output =
+            RowsOutput { facts: facts.clone(), description, lane_count, memory, threads, levels: Levels::default() };
         join_preview(folder, &bricks[0], every, &output, observer)
     }
 

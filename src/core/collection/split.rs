@@ -6,7 +6,7 @@ use super::manifest::{BrickEntry, Manifest, brick_description, fingerprint};
 use super::preview::{default_every, join_preview, remove_if_there, remove_parts};
 use super::{Collection, Partition};
 use crate::arena::layout::Facts;
-use crate::arena::{Arena, LaneRows, Region, Rows};
+use crate::arena::{Arena, LaneRows, Levels, Region, Rows};
 use crate::build::Observer;
 use crate::build::progress::{Phase, report};
 use crate::error::{Error, Result};
@@ -52,7 +52,14 @@ pub fn split(
                 rows.read(Region::of_grid(rows.dims()), &mut |_, _, found| voxels += found.len() as u64)?;
                 let facts = Facts { grid: region.grid(&whole.grid), visible_voxels: voxels, ..whole.clone() };
                 let description = brick_description(text, &region, whole.grid.dims);
-                let output = RowsOutput { facts, description: &description, lane_count, memory, threads };
+                let output = RowsOutput {
+                    facts,
+                    description: &description,
+                    lane_count,
+                    memory,
+                    threads,
+                    levels: Levels::default(),
+                };
                 let place = BrickPlace { partition: number, region };
                 place.write(folder, &rows, voxels, &output, observer)?;
                 if number == 0 && every > 1 {
@@ -64,7 +71,14 @@ pub fn split(
         }
         let preview = match (partitions.first(), all.first()) {
             (Some(first), Some(bricks)) if every > 1 => {
-                let output = RowsOutput { facts: whole.clone(), description: text, lane_count, memory, threads };
+                let output = RowsOutput {
+                    facts: whole.clone(),
+                    description: text,
+                    lane_count,
+                    memory,
+                    threads,
+                    levels: Levels::default(),
+                };
                 let preview = join_preview(folder, bricks, every, &output, observer)?;
                 remove_parts(folder, first.boxes())?;
                 preview

@@ -3,6 +3,7 @@
 mod atomic;
 mod atomic_folder;
 mod atomic_temporary;
+mod levels;
 mod map;
 mod resident;
 mod sections;
@@ -12,4 +13,5 @@ pub use atomic::{check_writable, scratch_folder, write_atomically, write_atomica
 pub use atomic_folder::write_folder_atomically;
 pub use atomic_temporary::abandon_writes;
 pub use map::AdjFile;
+pub(crate) use write::bytes_of_rows;
 pub use write::{RowsOutput, arena_bytes, open_rows, write_rows};

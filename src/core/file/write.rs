@@ -11,15 +11,18 @@ use xxhash_rust::xxh3::xxh3_64;
 use zerocopy::IntoBytes;
 use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
-use super::atomic::write_file_atomically;
+use super::atomic::{scratch_folder, write_file_atomically};
 use super::atomic_temporary::unnamed;
+use super::levels::{levels_in_files, levels_in_memory};
 use super::map::AdjFile;
 use super::sections::SectionFile;
 use crate::arena::lane::stored_line_ends;
 use crate::arena::layout::{self, Facts, FileHeader, SectionEntry, SectionKind, TileRecord, aligned};
 use crate::arena::pack::{ChannelArrays, TileRun};
-use crate::arena::{OwnedLane, Rows};
+use crate::arena::pager::tell;
+use crate::arena::{Levels, MOST_LEVELS, OwnedLane, Rows};
 use crate::build::assemble::{Assembler, LaneTotals};
+use crate::build::builder::lanes_of;
 use crate::build::progress::{Observer, Phase, report};
 use crate::error::{Error, Result};
 use crate::limits::Limits;
@@ -30,7 +33,14 @@ use crate::volume::Axis;
 /// `description` is a JSON text of at most [`MAX_DESCRIPTION_BYTES`](crate::limits::MAX_DESCRIPTION_BYTES). `lanes` are
 /// the lanes to store: along x, or x and y, or x, y and z.
 pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec<u8> {
+    bytes_with_levels(facts, lanes, description, &[])
+}
+
+/// Returns the bytes of an `.adj` file like [`arena_bytes`], with coarser levels, from level 1 on.
+fn bytes_with_levels(facts: &Facts, lanes: &[OwnedLane], description: &str, levels: &[Vec<u8>]) -> Vec<u8> {
     let mut sections = vec![(SectionEntry::empty(SectionKind::Description, None, 1), description.as_bytes())];
+    sections
+        .extend((1..=MOST_LEVELS).zip(levels).rev().map(|(level, bytes)| (SectionEntry::of_level(level), &bytes[..])));
     for lane in lanes {
         let OwnedLane { tiles, line_ends, steps, values, normals, magnitudes, coverages, .. } = lane;
         let parts = [tiles.as_bytes(), line_ends, steps, values, normals, magnitudes, coverages];
@@ -77,6 +87,18 @@ pub struct RowsOutput<'a> {
     pub memory: Option<u64>,
     /// Number of worker threads; 0 counts as 1.
     pub threads: usize,
+    /// The coarser levels of detail to make.
+    pub levels: Levels,
+}
+
+/// Returns the bytes of an `.adj` file with the voxels of `rows`, which are `output.facts.visible_voxels`.
+///
+/// # Errors
+/// Any error of reading the rows; [`Error::Interrupted`] if the observer cancels.
+pub(crate) fn bytes_of_rows(rows: &dyn Rows, output: &RowsOutput, observer: &mut dyn Observer) -> Result<Vec<u8>> {
+    let levels = levels_in_memory(rows, output, observer)?;
+    let lanes = lanes_of(rows, &output.facts, output.lane_count, output.threads, observer)?;
+    Ok(bytes_with_levels(&output.facts, &lanes, output.description, &levels))
 }
 
 /// Writes the voxels of `rows` to an `.adj` file, with bounded memory. Returns its header facts and length in bytes.
@@ -94,7 +116,7 @@ pub fn write_rows(
     observer: &mut dyn Observer,
 ) -> Result<(Facts, u64)> {
     write_file_atomically(path, |file| {
-        let written = write_rows_to(file, path, rows, output, observer)?;
+        let written = write_rows_to(file, path, &scratch_folder(path)?, rows, output, observer)?;
         // Flushing takes long enough for the user to change their mind.
         file.sync_all().map_err(Error::io("write", path))?;
         report(observer, Phase::Flush, 1, 1)?;
@@ -110,31 +132,43 @@ pub fn write_rows(
 /// The same as [`write_rows`].
 pub fn open_rows(folder: &Path, rows: &dyn Rows, output: &RowsOutput, observer: &mut dyn Observer) -> Result<AdjFile> {
     let file = unnamed(folder)?;
-    write_rows_to(&file, folder, rows, output, observer)?;
+    write_rows_to(&file, folder, folder, rows, output, observer)?;
     AdjFile::of(&file, folder, &Limits::default())
 }
 
-/// Writes the voxels of `rows` to `file`; `path` is used in messages.
-fn write_rows_to(
+/// Writes the voxels of `rows` to `file`; `path` is used in messages. Levels are made in `folder`.
+pub(super) fn write_rows_to(
     file: &File,
     path: &Path,
+    folder: &Path,
     rows: &dyn Rows,
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<(Facts, u64)> {
     Limits::check_description(output.description)?;
+    let levels = levels_in_files(folder, rows, output, observer)?;
     let mut out = SectionFile { file, path, end: 0 };
     let lanes = Axis::ALL.into_iter().take(output.lane_count.into());
     let facts = &output.facts;
     facts.grid.check()?;
     let entries = |axis| lane_entries(facts, axis);
-    let section_count = 1 + lanes.clone().flat_map(entries).flatten().count();
+    let section_count = 1 + levels.len() + lanes.clone().flat_map(entries).flatten().count();
     out.end = (size_of::<FileHeader>() + section_count * size_of::<SectionEntry>()) as u64;
 
     let text = output.description.as_bytes();
     let mut description = out.section(SectionEntry::empty(SectionKind::Description, None, 1), text.len() as u64);
     description.write(text)?;
     let mut table = vec![description.finish()?];
+    for (number, level) in (1..=MOST_LEVELS).zip(&levels).rev() {
+        let arena = level.arena()?;
+        let mut section = out.section(SectionEntry::of_level(number), arena.bytes().len() as u64);
+        for part in arena.bytes().chunks(1 << 20) {
+            tell(arena.pager, || part);
+            section.write(part)?;
+        }
+        table.push(section.finish()?);
+    }
+    drop(levels);
     let assembler = Assembler::new(rows, facts.tile_order, output.memory, output.threads);
     let mut visible_voxels = 0;
     for axis in lanes {

@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use super::Model;
+use crate::arena::Levels;
 use crate::build::description;
 use crate::build::{BuildOptions, Observer, Resources, Unobserved, classify};
 use crate::error::Result;
-use crate::file::{RowsOutput, arena_bytes, scratch_folder, write_rows};
+use crate::file::{RowsOutput, bytes_of_rows, scratch_folder, write_rows};
 use crate::volume::SlabSource;
 use crate::volume::memory::IntoSlices;
 
@@ -33,6 +34,12 @@ impl Build {
     pub fn new(options: impl Into<BuildOptions>) -> Build {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         Build { options: options.into(), memory: None, threads }
+    }
+
+    /// Stores coarser levels of detail beside the voxels: a number of them, or [`Levels::Auto`].
+    pub fn with_levels(mut self, levels: impl Into<Levels>) -> Build {
+        self.options.levels = levels.into();
+        self
     }
 
     /// Bounds the memory of the process, in bytes, while [`Build::write`] runs; at least 64 MiB is sensible.
@@ -64,8 +71,15 @@ impl Build {
         let resources = Resources { memory: self.memory, threads: self.threads, folder: None };
         let built = classify(&mut source, &self.options, &resources, observer)?;
         observer.samples(&built.samples);
-        let lanes = built.lanes(self.options.lane_count, self.threads, observer)?;
-        Model::from_bytes(arena_bytes(&built.facts, &lanes, &description(source.header(), &built)?))
+        let output = RowsOutput {
+            facts: built.facts.clone(),
+            description: &description(source.header(), &built)?,
+            lane_count: self.options.lane_count,
+            memory: None,
+            threads: self.threads,
+            levels: self.options.levels,
+        };
+        Model::from_bytes(bytes_of_rows(&built.rows, &output, observer)?)
     }
 
     /// Builds an `.adj` file at `path`, in bounded memory, and memory-maps it. The file appears complete or not at all.
@@ -97,6 +111,7 @@ impl Build {
             lane_count: self.options.lane_count,
             memory,
             threads,
+            levels: self.options.levels,
         };
         write_rows(path, &built.rows, &output, observer)?;
         drop(built);

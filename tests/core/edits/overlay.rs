@@ -1,9 +1,9 @@
 //! Overlays: after any edits, what a rebuilt arena gives.
 
 use adjsplat::Error;
-use adjsplat::arena::Record;
 use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Arena, Lane, LaneSet, Overlay, OwnedLane};
+use adjsplat::arena::{Levels, Record};
 use adjsplat::build::Unobserved;
 use adjsplat::classify::{TransferFunction, normal};
 use adjsplat::file::{RowsOutput, arena_bytes, write_rows};
@@ -91,6 +91,7 @@ fn check(overlay: &Overlay, model: &VoxelMap, random: &mut Random) {
         lane_count: 3,
         memory: None,
         threads: 1,
+        levels: Levels::default(),
     };
     let written = write_rows(&path, &overlay.rows().expect("rows"), &output, &mut Unobserved);
     if model.voxels.is_empty() {

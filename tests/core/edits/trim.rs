@@ -1,8 +1,8 @@
 //! Trimming: what is left is what a build of the smaller volume holds.
 
 use adjsplat::Error;
-use adjsplat::arena::Record;
 use adjsplat::arena::{Arena, LaneSet, Region, TileOrder, TrimOptions, trim};
+use adjsplat::arena::{Levels, Record};
 use adjsplat::build::Unobserved;
 use adjsplat::classify::{TransferFunction, normal};
 use adjsplat::file::{RowsOutput, arena_bytes, write_rows};
@@ -20,8 +20,14 @@ fn trimmed(bytes: &[u8], stored: Option<&TransferFunction>, options: &TrimOption
     let left = trim(&arena, stored, options).unwrap_or_else(|error| panic!("{error}"));
     let folder = tempfile::tempdir().expect("there is a temporary folder");
     let path = folder.path().join("out.adj");
-    let output =
-        RowsOutput { facts: left.facts.clone(), description: "{}", lane_count: lanes, memory: None, threads: 1 };
+    let output = RowsOutput {
+        facts: left.facts.clone(),
+        description: "{}",
+        lane_count: lanes,
+        memory: None,
+        threads: 1,
+        levels: Levels::default(),
+    };
     let (facts, _) = write_rows(&path, &*left.rows, &output, &mut Unobserved).expect("writes");
     assert_eq!(facts, left.facts, "the voxels were counted right");
     let bytes = std::fs::read(&path).expect("it was written");

@@ -1,0 +1,316 @@
+//! Levels of detail: the same voxels on a grid with fewer points.
+//!
+//! In: rows of voxels. Out: rows of a coarser level, whose voxels stand for blocks of up to 2 x 2 x 2 points. A voxel's
+//! coverage says how much of its block is visible; its codes are means weighted by coverage. A level is computed from the
+//! level below it as that is stored, so all levels follow from the stored voxels: `formats/adj-1.md`, section 9.
+//!
+//! Memory: the visible voxels of a few rows for each thread that reads.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
+
+use super::layout::{Channels, Facts, TILE_EDGE};
+use super::pack::Record;
+use super::rows::{Region, Rows, Voxel};
+use crate::classify::normal;
+use crate::error::Result;
+use crate::volume::Grid;
+
+/// Largest number of levels that a file holds beside its own voxels, level 0.
+pub const MOST_LEVELS: u8 = 15;
+/// [`Levels::Auto`] makes no level of one whose longest axis has fewer than twice as many points, less one.
+const AUTO_POINTS: u32 = 32;
+/// [`Levels::Auto`] makes no level of a level that has fewer voxels.
+const AUTO_VOXELS: u64 = 4_096;
+/// Number of grid points of a slice that are read at once.
+const POINTS_AT_ONCE: u32 = 1 << 15;
+
+/// How many coarser levels of detail are made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Levels {
+    /// So many, or fewer if the grid allows no more; 0 for none, at most [`MOST_LEVELS`].
+    Count(u8),
+    /// As many as are of use: each is made of a level with at least 63 points along its longest axis and at least 4,096
+    /// voxels, and has at most nine tenths of these voxels.
+    Auto,
+}
+
+impl Default for Levels {
+    fn default() -> Levels {
+        Levels::Count(0)
+    }
+}
+
+impl From<u8> for Levels {
+    fn from(count: u8) -> Levels {
+        Levels::Count(count)
+    }
+}
+
+impl Levels {
+    /// Returns whether no levels are made.
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+    pub fn is_none(&self) -> bool {
+        *self == Levels::Count(0)
+    }
+
+    /// Returns whether level `level` is wanted, of a level of `voxels` voxels on `below`.
+    pub(crate) fn want(self, level: u8, below: &Grid, voxels: u64) -> bool {
+        level <= MOST_LEVELS
+            && match self {
+                Levels::Count(count) => level <= count,
+                Levels::Auto => {
+                    below.dims.iter().any(|&points| points.div_ceil(2) >= AUTO_POINTS) && voxels >= AUTO_VOXELS
+                }
+            }
+    }
+
+    /// Returns whether a level of `voxels` voxels, made of `below` voxels, is kept.
+    pub(crate) fn keep(self, voxels: u64, below: u64) -> bool {
+        self != Levels::Auto || 10 * voxels <= 9 * below
+    }
+}
+
+/// Returns the grid of the level above one on `grid`, and how many points along each axis become one; `None` if there is no
+/// coarser grid.
+///
+/// Axes are halved whose spacing is below sqrt(2) times the smallest. An axis with one point does not count.
+pub fn coarser(grid: &Grid) -> Option<(Grid, [u32; 3])> {
+    let long = (0..3).filter(|&a| grid.dims[a] > 1);
+    let smallest = long.clone().map(|a| grid.spacing[a]).reduce(f64::min)?;
+    let mut factors = [1; 3];
+    let mut coarse = grid.clone();
+    for a in long.filter(|&a| grid.spacing[a] < std::f64::consts::SQRT_2 * smallest) {
+        factors[a] = 2;
+        coarse.dims[a] = grid.dims[a].div_ceil(2);
+        coarse.spacing[a] = 2.0 * grid.spacing[a];
+        for w in 0..3 {
+            coarse.origin[w] += 0.5 * grid.spacing[a] * grid.direction[a][w];
+        }
+    }
+    coarse.check().is_ok().then_some((coarse, factors))
+}
+
+/// Returns the facts of the level above one with the facts `below`, still without voxels, and how many points along each
+/// axis become one.
+pub(crate) fn level_facts(below: &Facts) -> Option<(Facts, [u32; 3])> {
+    let (grid, factors) = coarser(&below.grid)?;
+    let channels = Channels { coverage_bits: 8, ..below.channels };
+    Some((Facts { grid, channels, visible_voxels: 0, ..below.clone() }, factors))
+}
+
+/// Returns how much of a voxel is visible, from 0 to 1, given its coverage code.
+#[inline]
+pub fn coverage_share(code: u8) -> f64 {
+    let root = f64::from(code) / 255.0;
+    root * root
+}
+
+/// Returns the coverage code of a block of `points` points whose voxels have codes that add up to `squares` when squared.
+fn coverage_code(squares: u64, points: u64) -> u8 {
+    // The largest code with `(2 code - 1)^2 <= 4 squares / points`: the root of the mean, rounded half up.
+    let code = (4 * squares / points).isqrt().div_ceil(2);
+    u8::try_from(code).unwrap_or(255).max(1)
+}
+
+/// Returns whether a file with this description holds a label map, whose codes cannot be averaged.
+pub(crate) fn holds_labels(description: &[u8]) -> bool {
+    // Of two members of one name the last one counts. Values are not parsed: a long function would take many times its bytes.
+    let members = |text: &str| serde_json::from_str::<BTreeMap<String, Box<RawValue>>>(text).ok();
+    let kind = std::str::from_utf8(description)
+        .ok()
+        .and_then(|text| members(text)?.remove("transfer_function"))
+        .and_then(|function| members(function.get())?.remove("kind"));
+    kind.is_some_and(|kind| serde_json::from_str::<String>(kind.get()).is_ok_and(|kind| kind == "labels"))
+}
+
+/// The voxels of the level above some rows.
+pub struct CoarserRows<'a> {
+    rows: &'a dyn Rows,
+    factors: [u32; 3],
+    dims: [u32; 3],
+    is_labels: bool,
+    threads: usize,
+}
+
+impl<'a> CoarserRows<'a> {
+    /// Creates the level above `rows`, of which `factors` points along each axis, 1 or 2, become one. `is_labels` tells that
+    /// values are labels. So many `threads` will read.
+    pub fn new(rows: &'a dyn Rows, factors: [u32; 3], is_labels: bool, threads: usize) -> CoarserRows<'a> {
+        let dims = rows.dims();
+        let dims = std::array::from_fn(|a| dims[a].div_ceil(factors[a]));
+        CoarserRows { rows, factors, dims, is_labels, threads }
+    }
+
+    /// Returns how many of the coarser rows are made at once: few, and in whole tiles.
+    fn rows_at_once(&self) -> u32 {
+        let edge = u32::from(TILE_EDGE);
+        (POINTS_AT_ONCE / self.rows.dims()[0]).next_multiple_of(edge).max(edge)
+    }
+}
+
+impl Rows for CoarserRows<'_> {
+    fn dims(&self) -> [u32; 3] {
+        self.dims
+    }
+
+    fn channels(&self) -> Channels {
+        Channels { coverage_bits: 8, ..self.rows.channels() }
+    }
+
+    fn memory(&self) -> u64 {
+        let [width, height, _] = self.rows.dims().map(u64::from);
+        let points = width * (u64::from(self.rows_at_once()) * 2).min(height) * 2;
+        // A growing array may hold twice its bytes.
+        self.rows.memory() + 2 * points * size_of::<Voxel>() as u64 * self.threads as u64
+    }
+
+    fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()> {
+        let region = region.and(&Region::of_grid(self.dims));
+        if region.is_empty() {
+            return Ok(());
+        }
+        let fine_dims = self.rows.dims();
+        let fine = |a: usize, from: u32, to: u32| from * self.factors[a]..(to * self.factors[a]).min(fine_dims[a]);
+        let narrow =
+            |coordinate: u32| u16::try_from(coordinate).expect("inside a grid of at most 65,535 points an axis");
+        let step = self.rows_at_once();
+        let mut parts: Vec<Vec<Voxel>> = Vec::new();
+        let mut voxels = Vec::new();
+        for z in region.zs.clone() {
+            for first in region.ys.clone().step_by(step as usize) {
+                let end = region.ys.end.min(first + step);
+                let below = Region {
+                    xs: fine(0, region.xs.start, region.xs.end),
+                    ys: fine(1, first, end),
+                    zs: fine(2, z, z + 1),
+                };
+                let ([_, low_y, low_z], [_, height, depth]) = (below.low(), below.size());
+                parts.resize_with((height * depth) as usize, Vec::new);
+                parts.iter_mut().for_each(Vec::clear);
+                self.rows.read(below, &mut |y, z, part| {
+                    let place = (u32::from(z) - low_z) * height + u32::from(y) - low_y;
+                    parts[place as usize].extend_from_slice(part);
+                })?;
+                for y in first..end {
+                    let mut block: [&[Voxel]; 4] = [&[]; 4];
+                    let rows_of_y = fine(1, y, y + 1);
+                    let places = (0..depth).flat_map(|z| rows_of_y.clone().map(move |y| z * height + y - low_y));
+                    for (slot, place) in block.iter_mut().zip(places) {
+                        *slot = &parts[place as usize];
+                    }
+                    voxels.clear();
+                    self.merge(block, &mut voxels);
+                    if !voxels.is_empty() {
+                        row(narrow(y), narrow(z), &voxels);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl CoarserRows<'_> {
+    /// Makes one row of up to four rows of the level below: y first, then z.
+    fn merge(&self, mut rows: [&[Voxel]; 4], voxels: &mut Vec<Voxel>) {
+        let shift = self.factors[0] - 1;
+        let points = self.factors.iter().product::<u32>().into();
+        let channels = self.rows.channels();
+        while let Some(x) = rows.iter().filter_map(|row| row.first()).map(|voxel| voxel.x >> shift).min() {
+            let mut block = Block::default();
+            for row in &mut rows {
+                while let Some((voxel, rest)) = row.split_first().filter(|(voxel, _)| voxel.x >> shift == x) {
+                    block.add(&voxel.record, channels);
+                    *row = rest;
+                }
+            }
+            voxels.push(Voxel { x, record: block.record(channels, points, self.is_labels) });
+        }
+    }
+}
+
+/// The voxels of a block, added up in the order x, y, z.
+#[derive(Default)]
+struct Block {
+    /// Weights, the squares of coverage codes, and records.
+    voxels: [(u64, Record); 8],
+    count: usize,
+    weight: u64,
+    value: u64,
+    magnitude: u64,
+    normal: [f64; 3],
+}
+
+impl Block {
+    #[inline]
+    fn add(&mut self, record: &Record, channels: Channels) {
+        // Without a channel of coverages a voxel is wholly visible. In a damaged file one may have none.
+        let code = if channels.coverage_bits == 0 { 255 } else { u64::from(record.coverage).max(1) };
+        let weight = code * code;
+        self.voxels[self.count] = (weight, *record);
+        self.count += 1;
+        self.weight += weight;
+        self.value += weight * u64::from(record.value);
+        self.magnitude += weight * u64::from(record.magnitude);
+        let normal = match channels.normal_bits {
+            0 => return,
+            8 => normal::decode8(low_half(record.normal)),
+            _ => normal::decode16(record.normal),
+        };
+        // Whole numbers of at most 17 bits times single precision: the products are exact.
+        #[expect(clippy::cast_precision_loss, reason = "at most 65,025")]
+        let factor = weight as f64;
+        for (sum, component) in self.normal.iter_mut().zip(normal) {
+            *sum += factor * f64::from(component);
+        }
+    }
+
+    #[inline]
+    fn record(&self, channels: Channels, points: u64, is_labels: bool) -> Record {
+        let mean = |sum: u64| (2 * sum + self.weight) / (2 * self.weight);
+        let value = if is_labels { self.label() } else { u16::try_from(mean(self.value)).unwrap_or(u16::MAX) };
+        Record {
+            value,
+            normal: self.normal(channels.normal_bits),
+            magnitude: u8::try_from(mean(self.magnitude)).unwrap_or(u8::MAX),
+            coverage: coverage_code(self.weight, points),
+        }
+    }
+
+    fn stored(&self) -> &[(u64, Record)] {
+        &self.voxels[..self.count]
+    }
+
+    /// Returns the value code with the largest weight in all; of equals the lowest.
+    fn label(&self) -> u16 {
+        let weight_of = |code: u16| -> u64 {
+            self.stored().iter().filter(|(_, record)| record.value == code).map(|(weight, _)| weight).sum()
+        };
+        let codes = self.stored().iter().map(|(_, record)| record.value);
+        codes.max_by_key(|&code| (weight_of(code), std::cmp::Reverse(code))).unwrap_or(0)
+    }
+
+    /// Returns the code of the mean normal; that of the first voxel of the largest coverage if the mean is no direction.
+    fn normal(&self, bits: u8) -> u32 {
+        if bits == 0 {
+            return 0;
+        }
+        if self.normal == [0.0; 3] {
+            let largest = self.stored().iter().map(|(weight, _)| *weight).max();
+            let first = self.stored().iter().find(|(weight, _)| Some(*weight) == largest);
+            return first.map_or(0, |(_, record)| record.normal);
+        }
+        // A code stands for the direction opposite to a gradient.
+        let gradient = self.normal.map(|component| -component);
+        if bits == 8 { normal::encode8(gradient).into() } else { normal::encode16(gradient) }
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "a normal of 2 x 8 bits has a code of 16 bits")]
+fn low_half(code: u32) -> u16 {
+    code as u16
+}
