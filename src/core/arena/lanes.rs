@@ -23,6 +23,11 @@ impl DerivedLanes {
         DerivedLanes { lanes: Default::default(), memory }
     }
 
+    /// Returns the most bytes that derived lanes may take in all.
+    pub(crate) fn memory(&self) -> u64 {
+        self.memory
+    }
+
     /// Returns the lane of `arena` along `axis`. A missing lane is derived once, in about the time of a few frames.
     ///
     /// # Errors

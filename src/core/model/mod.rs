@@ -45,6 +45,9 @@ struct Stored {
     bytes: Bytes,
     facts: Facts,
     derived: DerivedLanes,
+    /// The facts of the coarser levels of detail, and their derived lanes; level 1 first.
+    level_facts: Vec<Facts>,
+    level_lanes: Vec<DerivedLanes>,
 }
 
 #[derive(Debug)]
@@ -119,7 +122,12 @@ impl Model {
             Error::input(path.display().to_string(), "stores no transfer function that this library reads")
         })?;
         let facts = arena.facts().clone();
-        Ok(Model { stored: Arc::new(Stored { bytes, facts, derived }), transfer: Arc::new(transfer) })
+        let level_facts: Vec<Facts> = (1..=arena.level_count())
+            .map_while(|level| arena.level(level).map(|level| level.facts().clone()))
+            .collect();
+        let level_lanes = level_facts.iter().map(|_| DerivedLanes::new(derived.memory())).collect();
+        let stored = Stored { bytes, facts, derived, level_facts, level_lanes };
+        Ok(Model { stored: Arc::new(stored), transfer: Arc::new(transfer) })
     }
 
     /// Returns the same voxels, drawn with another transfer function.
@@ -262,5 +270,18 @@ impl Model {
 impl Lanes for Model {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
         self.stored.derived.lane(&self.arena()?, axis)
+    }
+
+    fn levels(&self) -> &[Facts] {
+        &self.stored.level_facts
+    }
+
+    fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {
+        let Some(below) = level.checked_sub(1) else { return self.lane(axis) };
+        let arena = u8::try_from(level).ok().and_then(|level| self.arena().ok()?.level(level));
+        match (arena, self.stored.level_lanes.get(below)) {
+            (Some(arena), Some(derived)) => derived.lane(&arena, axis),
+            _ => Err(Error::input("level", format!("{level} is not in the file"))),
+        }
     }
 }

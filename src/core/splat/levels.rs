@@ -98,7 +98,7 @@ fn facts_of<'a>(scene: &Scene<'a>, level: usize) -> &'a Facts {
 ///
 /// # Errors
 /// [`Error::Input`] if `settings` ask for a level that the scene does not have; the errors of [`View::new`].
-pub fn parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<Vec<LevelPart>> {
+pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<Vec<LevelPart>> {
     let levels = scene.lanes.levels().len();
     if let Some(level) = settings.level {
         let why = || format!("is {level}, but the file has levels 0 to {levels}");

@@ -43,7 +43,7 @@ use self::task::{BandStats, DrawTask, assemble, full_rect, pixels};
 use self::tile_buffer::Rect;
 use super::composite::{Blending, Mode, Table};
 use super::frame::Frame;
-use super::levels::{self, LevelPart};
+use super::levels::{LevelPart, level_parts};
 use super::setup::FrameSetup;
 use super::supersample::Supersampling;
 use super::view::View;
@@ -77,7 +77,7 @@ pub fn render_without(
     omitted: Option<&RecordSet>,
 ) -> Result<(Frame, Stats)> {
     let start = Instant::now();
-    let parts = if omitted.is_some() { Vec::new() } else { levels::parts(scene, camera, settings)? };
+    let parts = if omitted.is_some() { Vec::new() } else { level_parts(scene, camera, settings)? };
     if omitted.is_some() || matches!(parts[..], [LevelPart { level: 0, crop }] if crop == settings.crop) {
         return draw_scene(scene, camera, settings, omitted, start);
     }
