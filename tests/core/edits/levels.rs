@@ -4,6 +4,7 @@ use adjsplat::arena::{Arena, Channels, LaneRows, Levels, MOST_LEVELS, Record, Re
 use adjsplat::build::Unobserved;
 use adjsplat::classify::normal;
 use adjsplat::file::{AdjFile, RowsOutput, write_rows};
+use adjsplat::limits::Limits;
 use adjsplat::volume::Axis;
 use adjsplat_tests::random::Random;
 
@@ -211,6 +212,23 @@ fn a_solid_is_wholly_covered_but_for_its_end() {
         .collect();
     assert_eq!(codes, expected);
     assert_eq!(Arena::new(&cube(5, 1).bytes(1)).expect("opens").lane(Axis::X).expect("x").coverage_code(0), 255);
+}
+
+#[test]
+fn limits_hold_for_levels_too() {
+    let folder = tempfile::tempdir().expect("there is a temporary folder");
+    let path = folder.path().join("a.adj");
+    std::fs::write(&path, with_levels(&cube(8, 1), 3, Levels::Count(1), "{}", 1)).expect("writes");
+    let file = AdjFile::open(&path).expect("opens");
+    let count = |arena: &Arena| u32::try_from(arena.sections().len()).expect("few");
+    let arena = file.arena().expect("opens");
+    let (whole, level) = (count(&arena), count(&arena.level(1).expect("it is there")));
+    assert!(level > whole, "a level has coverages besides");
+    for (sections, opens) in [(level, true), (whole, false)] {
+        let limits = Limits::default().with_sections(sections);
+        let opened = AdjFile::open_with(&path, &limits);
+        assert_eq!(opened.is_ok(), opens, "{:?}", opened.map(drop));
+    }
 }
 
 #[test]
