@@ -2,7 +2,7 @@
 //!
 //! In: rows of voxels. Out: rows of a coarser level, whose voxels stand for blocks of up to 2 x 2 x 2 points. A voxel's
 //! coverage says how much of its block is visible; its codes are means weighted by coverage. A level is computed from the
-//! level below it as that is stored, so all levels follow from the stored voxels: `formats/adj-1.md`, section 9.
+//! level below it as that is stored, so all levels follow from the stored voxels: `formats/adj-1.md`, section 13.
 //!
 //! Memory: the visible voxels of a few rows for each thread that reads.
 
