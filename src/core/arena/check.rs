@@ -24,6 +24,7 @@ use std::ops::Range;
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
+use super::coverage::Coverage;
 use super::lane::{Lane, STEPPING};
 use super::lane_rows::LaneRows;
 use super::layout::{Channels, Facts, FileHeader, SectionEntry, SectionKind, TILE_EDGE, TileRecord, line_end_bytes};
@@ -279,7 +280,7 @@ struct LineOutcome {
     stepping_voxels: u32,
     /// Bitwise OR of all codes of stepping voxels; must be 0, because they hold no voxel.
     stray: u64,
-    /// Whether a voxel has a coverage of 0.
+    /// Whether a voxel has a coverage that no voxel has.
     is_uncovered: bool,
     sum: u64,
 }
@@ -418,9 +419,12 @@ impl<'a> LaneCheck<'a> {
             return Err(self.stray_fault(records));
         }
         if outcome.is_uncovered {
-            let mut voxels = records.filter(|&record| lane.steps[record] != 0);
-            let record = voxels.find(|&record| lane.coverage_code(record) == 0).expect("one was found");
-            return Err(fault(self.offsets[6] + record as u64, "R25", "a coverage above 0", "0"));
+            let is_wrong = |&record: &usize| {
+                lane.steps[record] != 0 && !Coverage::is_code(lane.coverage_code(record), lane.channels)
+            };
+            let record = records.clone().find(is_wrong).expect("one was found");
+            let at = self.offsets[6] + (record * usize::from(lane.channels.coverage_bits / 8)) as u64;
+            return Err(fault(at, "R25", "a coverage of some of a block", lane.coverage_code(record)));
         }
         self.stepping_voxels += u64::from(outcome.stepping_voxels);
         self.sum = self.sum.wrapping_add(outcome.sum);
@@ -482,7 +486,7 @@ impl VoxelHash {
         VoxelHash { key: [xxh3_64(&key.to_le_bytes()), key] }
     }
 
-    /// Hashes x, y, z and value (`place`, 16 bits each), normal, magnitude and coverage (`shading`, 32, 8 and 8 bits).
+    /// Hashes x, y, z and value (`place`, 16 bits each), normal, magnitude and coverage (`shading`, 32, 8 and 16 bits).
     #[inline(always)]
     fn of(self, place: u64, shading: u64) -> u64 {
         let folded = fold(place ^ self.key[0], 0x9e37_79b9_7f4a_7c15);
@@ -528,7 +532,7 @@ fn follow_line<const V: usize, const N: usize, const M: usize, const C: usize>(
             outcome.stray |= value | shading;
         } else {
             outcome.end += u32::from(step);
-            outcome.is_uncovered |= C > 0 && coverage == 0;
+            outcome.is_uncovered |= C > 0 && !Coverage::is_code_of(coverage, C == 1);
             let place = place | u64::from(outcome.end - 1) << shift | value << 48;
             outcome.sum = outcome.sum.wrapping_add(hash.of(place, shading));
         }
@@ -540,7 +544,8 @@ fn follow_line<const V: usize, const N: usize, const M: usize, const C: usize>(
 fn follow_line_by_width(channels: Channels) -> FollowLine {
     match channels.coverage_bits {
         0 => follow_line_of::<0>(channels),
-        _ => follow_line_of::<1>(channels),
+        8 => follow_line_of::<1>(channels),
+        _ => follow_line_of::<2>(channels),
     }
 }
 

@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
+use super::coverage::MOST_SHARE;
 use super::layout::{Channels, Facts, TILE_EDGE};
 use super::pack::Record;
 use super::rows::{Region, Rows, Voxel};
@@ -94,26 +95,17 @@ pub fn coarser(grid: &Grid) -> Option<(Grid, [u32; 3])> {
     coarse.check().is_ok().then_some((coarse, factors))
 }
 
+/// Returns the channels of the level above one with these: level 1 has masks of the points below, coarser levels have words.
+fn channels_above(below: Channels) -> Channels {
+    Channels { coverage_bits: if below.coverage_bits == 0 { 8 } else { 16 }, ..below }
+}
+
 /// Returns the facts of the level above one with the facts `below`, still without voxels, and how many points along each
 /// axis become one.
 pub(crate) fn level_facts(below: &Facts) -> Option<(Facts, [u32; 3])> {
     let (grid, factors) = coarser(&below.grid)?;
-    let channels = Channels { coverage_bits: 8, ..below.channels };
+    let channels = channels_above(below.channels);
     Some((Facts { grid, channels, visible_voxels: 0, ..below.clone() }, factors))
-}
-
-/// Returns how much of a voxel is visible, from 0 to 1, given its coverage code.
-#[inline]
-pub fn coverage_share(code: u8) -> f64 {
-    let root = f64::from(code) / 255.0;
-    root * root
-}
-
-/// Returns the coverage code of a block of `points` points whose voxels have codes that add up to `squares` when squared.
-fn coverage_code(squares: u64, points: u64) -> u8 {
-    // The largest code with `(2 code - 1)^2 <= 4 squares / points`: the root of the mean, rounded half up.
-    let code = (4 * squares / points).isqrt().div_ceil(2);
-    u8::try_from(code).unwrap_or(255).max(1)
 }
 
 /// Returns whether a file with this description holds a label map, whose codes cannot be averaged.
@@ -158,7 +150,7 @@ impl Rows for CoarserRows<'_> {
     }
 
     fn channels(&self) -> Channels {
-        Channels { coverage_bits: 8, ..self.rows.channels() }
+        channels_above(self.rows.channels())
     }
 
     fn memory(&self) -> u64 {
@@ -196,11 +188,11 @@ impl Rows for CoarserRows<'_> {
                     parts[place as usize].extend_from_slice(part);
                 })?;
                 for y in first..end {
+                    // Of the block's rows, those at the low and the high end of y, first at the low end of z.
                     let mut block: [&[Voxel]; 4] = [&[]; 4];
-                    let rows_of_y = fine(1, y, y + 1);
-                    let places = (0..depth).flat_map(|z| rows_of_y.clone().map(move |y| z * height + y - low_y));
-                    for (slot, place) in block.iter_mut().zip(places) {
-                        *slot = &parts[place as usize];
+                    for (z, y_below) in (0..depth).flat_map(|z| fine(1, y, y + 1).map(move |y_below| (z, y_below))) {
+                        let high = (y_below - y * self.factors[1]) as usize;
+                        block[2 * z as usize + high] = &parts[(z * height + y_below - low_y) as usize];
                     }
                     voxels.clear();
                     self.merge(block, &mut voxels);
@@ -215,20 +207,20 @@ impl Rows for CoarserRows<'_> {
 }
 
 impl CoarserRows<'_> {
-    /// Makes one row of up to four rows of the level below: y first, then z.
+    /// Makes one row of the rows of the level below at the low and the high end of y, first at the low end of z.
     fn merge(&self, mut rows: [&[Voxel]; 4], voxels: &mut Vec<Voxel>) {
         let shift = self.factors[0] - 1;
-        let points = self.factors.iter().product::<u32>().into();
         let channels = self.rows.channels();
         while let Some(x) = rows.iter().filter_map(|row| row.first()).map(|voxel| voxel.x >> shift).min() {
-            let mut block = Block::default();
-            for row in &mut rows {
+            let mut block = Block { factors: self.factors, ..Block::default() };
+            for (place, row) in rows.iter_mut().enumerate() {
                 while let Some((voxel, rest)) = row.split_first().filter(|(voxel, _)| voxel.x >> shift == x) {
-                    block.add(&voxel.record, channels);
+                    let high = usize::from(voxel.x & u16::from(self.factors[0] == 2));
+                    block.add(high + 2 * place, &voxel.record, channels);
                     *row = rest;
                 }
             }
-            voxels.push(Voxel { x, record: block.record(channels, points, self.is_labels) });
+            voxels.push(Voxel { x, record: block.record(channels, self.is_labels) });
         }
     }
 }
@@ -236,21 +228,47 @@ impl CoarserRows<'_> {
 /// The voxels of a block, added up in the order x, y, z.
 #[derive(Default)]
 struct Block {
-    /// Weights, the squares of coverage codes, and records.
+    factors: [u32; 3],
+    /// Weights, in proportion to the shares that are visible, and records.
     voxels: [(u64, Record); 8],
     count: usize,
     weight: u64,
     value: u64,
     magnitude: u64,
     normal: [f64; 3],
+    /// A bit for each voxel: 1 << (x + 2 y + 4 z) for its place in the block, 0 or 1 along each axis.
+    mask: u32,
+    /// For each axis: the weights of voxels at its high end less those at its low end, and the sum of weights times offsets,
+    /// in eighths.
+    ends: [i64; 3],
+    moments: [i64; 3],
 }
 
 impl Block {
+    /// Adds a voxel at `place`: x + 2 y + 4 z, each 0 or 1.
     #[inline]
-    fn add(&mut self, record: &Record, channels: Channels) {
-        // Without a channel of coverages a voxel is wholly visible. In a damaged file one may have none.
-        let code = if channels.coverage_bits == 0 { 255 } else { u64::from(record.coverage).max(1) };
-        let weight = code * code;
+    fn add(&mut self, place: usize, record: &Record, channels: Channels) {
+        // A damaged file may have coverages of nothing.
+        let code = u64::from(record.coverage);
+        let (weight, offsets) = match channels.coverage_bits {
+            0 => (1, [0; 3]),
+            8 => {
+                let points = i64::from(code.count_ones().max(1));
+                let high = [0xaau64, 0xcc, 0xf0].map(|end| i64::from((code & end).count_ones()));
+                (points.unsigned_abs(), high.map(|high| 2 * (2 * high - points)))
+            }
+            _ => {
+                let weight = (code & 0x7f).max(1).pow(2);
+                let offset = |at: u32| (code >> at & 7).min(6).cast_signed() - 3;
+                (weight, [7, 10, 13].map(|at| weight.cast_signed() * offset(at)))
+            }
+        };
+        self.mask |= 1 << place;
+        for a in 0..3 {
+            let is_high = place >> a & 1 == 1;
+            self.ends[a] += if is_high { weight.cast_signed() } else { -weight.cast_signed() };
+            self.moments[a] += offsets[a];
+        }
         self.voxels[self.count] = (weight, *record);
         self.count += 1;
         self.weight += weight;
@@ -261,8 +279,8 @@ impl Block {
             8 => normal::decode8(low_half(record.normal)),
             _ => normal::decode16(record.normal),
         };
-        // Whole numbers of at most 17 bits times single precision: the products are exact.
-        #[expect(clippy::cast_precision_loss, reason = "at most 65,025")]
+        // Whole numbers of at most 14 bits times single precision: the products are exact.
+        #[expect(clippy::cast_precision_loss, reason = "at most 16,129")]
         let factor = weight as f64;
         for (sum, component) in self.normal.iter_mut().zip(normal) {
             *sum += factor * f64::from(component);
@@ -270,15 +288,47 @@ impl Block {
     }
 
     #[inline]
-    fn record(&self, channels: Channels, points: u64, is_labels: bool) -> Record {
+    fn record(&self, channels: Channels, is_labels: bool) -> Record {
         let mean = |sum: u64| (2 * sum + self.weight) / (2 * self.weight);
         let value = if is_labels { self.label() } else { u16::try_from(mean(self.value)).unwrap_or(u16::MAX) };
         Record {
             value,
             normal: self.normal(channels.normal_bits),
             magnitude: u8::try_from(mean(self.magnitude)).unwrap_or(u8::MAX),
-            coverage: coverage_code(self.weight, points),
+            coverage: if channels.coverage_bits == 0 { self.point_mask() } else { self.word(channels) },
         }
+    }
+
+    /// Returns the mask of the block's points; along an axis that is not halved both ends are alike.
+    fn point_mask(&self) -> u16 {
+        let mut mask = self.mask;
+        for (a, _) in self.factors.iter().enumerate().filter(|(_, factor)| **factor == 1) {
+            mask |= mask << (1 << a);
+        }
+        u16::try_from(mask & 0xff).expect("eight bits")
+    }
+
+    /// Returns the word for the block's share and offsets.
+    fn word(&self, channels: Channels) -> u16 {
+        let whole = if channels.coverage_bits == 8 { 8 } else { u64::from(MOST_SHARE).pow(2) };
+        let points = u64::from(self.factors.iter().product::<u32>());
+        // The largest code with `(2 code - 1)^2 <= 4 * 127^2 * share`: the root, rounded half up.
+        let root = (4 * u64::from(MOST_SHARE).pow(2) * self.weight / (points * whole)).isqrt().div_ceil(2);
+        let share = u16::try_from(root).unwrap_or(u16::MAX).clamp(1, MOST_SHARE.into());
+        let weight = self.weight.cast_signed();
+        let mut code = share;
+        for (a, at) in [7, 10, 13].into_iter().enumerate() {
+            // The offset in eighths: along a halved axis voxels lie a quarter from the middle, and are half as long.
+            let (sum, unit) = match self.factors[a] {
+                2 => (4 * self.ends[a] + self.moments[a], 2 * weight),
+                _ => (self.moments[a], weight),
+            };
+            // Rounded, halves away from zero.
+            let rounded = (2 * sum.abs() + unit) / (2 * unit) * sum.signum();
+            let offset = u16::try_from(rounded.clamp(-3, 3) + 3).expect("0 to 6");
+            code |= offset << at;
+        }
+        code
     }
 
     fn stored(&self) -> &[(u64, Record)] {
