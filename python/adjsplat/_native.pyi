@@ -180,8 +180,7 @@ def save_edited(
     out: str,
     steps: Sequence[Step],
     levels: int | str,
-    memory: int | None,
-    threads: int | None,
+    resources: tuple[int | None, int | None],
     progress: Callable[[str, int, int], Any] | None,
 ) -> tuple[Model, int]: ...
 def export(

@@ -89,8 +89,8 @@ class Edit:
         path = output_path(path)
         native = self._model._open
         wanted = level_count(levels)
-        limits = byte_count(memory), thread_count(threads)
-        saved, left_out = _native.save_edited(native, path, self._steps, wanted, *limits, progress)
+        resources = byte_count(memory), thread_count(threads)
+        saved, left_out = _native.save_edited(native, path, self._steps, wanted, resources, progress)
         if left_out and levels is None:
             note = f"the {left_out} levels of detail of the file are left out; levels={left_out} makes them anew"
             warnings.warn(note, BuildWarning, stacklevel=2)

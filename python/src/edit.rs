@@ -79,11 +79,10 @@ pub(crate) fn save_edited(
     out: PathBuf,
     steps: Vec<Step<'_>>,
     levels: Wanted,
-    memory: Option<u64>,
-    threads: Option<usize>,
+    resources: (Option<u64>, Option<usize>),
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Model, u8)> {
-    let levels = levels.levels();
+    let (levels, (memory, threads)) = (levels.levels(), resources);
     let changes = steps.iter().map(Step::change).collect::<PyResult<Vec<Change>>>()?;
     let threads = threads_or_all(threads)?;
     let arena = model.arena()?;

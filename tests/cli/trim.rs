@@ -185,13 +185,15 @@ fn a_full_disk_leaves_the_old_file() {
     std::fs::create_dir(folder.file("disk")).expect("new");
     folder.adj("build phantom:gyroid --dims 64x64x64 -o a.adj").done();
     let old = "\"$0\" build phantom:corners --dims 9x9x9 -o disk/out.adj >/dev/null";
-    let trim = "\"$0\" trim a.adj -o disk/out.adj";
-    let script = format!(
-        "mount -t tmpfs -o size=64k tmpfs disk; {old}; {trim}; echo $?; ls -A disk; \"$0\" verify disk/out.adj"
-    );
-    let Some(ran) = in_private_mounts(&script, folder.path()) else { return };
-    assert!(ran.stdout.starts_with("2\nout.adj\ndisk/out.adj: sound"), "{} {}", ran.stdout, ran.stderr);
-    assert!(ran.stderr.contains("No space left") && ran.stderr.lines().count() == 1, "{}", ran.stderr);
+    for levels in ["", "--levels 2"] {
+        let trim = format!("\"$0\" trim a.adj -o disk/out.adj {levels}");
+        let script = format!(
+            "mount -t tmpfs -o size=64k tmpfs disk; {old}; {trim}; echo $?; ls -A disk; \"$0\" verify disk/out.adj"
+        );
+        let Some(ran) = in_private_mounts(&script, folder.path()) else { return };
+        assert!(ran.stdout.starts_with("2\nout.adj\ndisk/out.adj: sound"), "{levels}: {} {}", ran.stdout, ran.stderr);
+        assert!(ran.stderr.contains("No space left") && ran.stderr.lines().count() == 1, "{levels}: {}", ran.stderr);
+    }
 }
 
 #[test]
