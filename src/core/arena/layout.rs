@@ -126,7 +126,7 @@ impl SectionEntry {
         kinds.find(|&kind| kind as u16 == self.kind.get())
     }
 
-    /// Returns the number of the coarser level that the section holds, 1 to [`MOST_LEVELS`](super::MOST_LEVELS), as an
+    /// Returns the number of the coarser level that the section holds, 1 to [`MOST_LEVELS`], as an
     /// `.adj` file; `None` for another section.
     pub fn level(&self) -> Option<u8> {
         let number = self.kind.get().checked_sub(OPTIONAL_KINDS)?;

@@ -53,7 +53,6 @@ impl From<u8> for Levels {
 
 impl Levels {
     /// Returns whether no levels are made.
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
     pub fn is_none(&self) -> bool {
         *self == Levels::Count(0)
     }
