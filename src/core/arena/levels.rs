@@ -15,7 +15,8 @@ use super::coverage::MOST_SHARE;
 use super::layout::{Channels, Facts, TILE_EDGE};
 use super::pack::Record;
 use super::rows::{Region, Rows, Voxel};
-use crate::classify::normal;
+use super::visible::stored_opacity;
+use crate::classify::{TransferFunction, normal};
 use crate::error::Result;
 use crate::volume::Grid;
 
@@ -118,22 +119,109 @@ pub(crate) fn holds_labels(description: &[u8]) -> bool {
     kind.is_some_and(|kind| serde_json::from_str::<String>(kind.get()).is_ok_and(|kind| kind == "labels"))
 }
 
+/// What a file's transfer function says of how a level is made.
+#[derive(Debug, Clone, Default)]
+pub struct LevelLook {
+    /// Whether values are labels, of which the most frequent stays.
+    is_labels: bool,
+    /// For each value code: how much of a neighbour is seen through such a voxel, 0 to 255. Empty if all neighbours are seen
+    /// alike.
+    clear: Vec<u8>,
+}
+
+impl LevelLook {
+    /// Returns the look of a file with this description and these facts.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    pub fn new(description: &[u8], facts: &Facts) -> LevelLook {
+        #[derive(Deserialize)]
+        struct Function {
+            transfer_function: TransferFunction,
+        }
+        let is_labels = holds_labels(description);
+        let Ok(Function { transfer_function }) = serde_json::from_slice(description) else {
+            return LevelLook { is_labels, clear: Vec::new() };
+        };
+        let last = if facts.channels.value_bits == 8 { 0xff } else { u16::MAX };
+        let clear = (0..=last).map(|code| {
+            let opacity = stored_opacity(&transfer_function, &facts.scales, code, f64::MAX).clamp(0.0, 1.0);
+            // Twice, as kernels are about two voxels wide.
+            (255.0 * (1.0 - opacity) * (1.0 - opacity)).round() as u8
+        });
+        LevelLook { is_labels, clear: clear.collect() }
+    }
+
+    /// Returns how much of a neighbour is seen through a voxel.
+    #[inline]
+    fn clear(&self, record: &Record, channels: Channels) -> u8 {
+        let Some(clear) = self.clear.get(usize::from(record.value)) else { return u8::MAX };
+        let hidden = u64::from(u8::MAX - clear);
+        let (weight, whole) = weight(record, channels);
+        u8::MAX - u8::try_from(hidden * weight / whole).unwrap_or(u8::MAX)
+    }
+}
+
+/// Returns how much of a voxel is visible, in units of which the second number makes a whole voxel.
+#[inline]
+fn weight(record: &Record, channels: Channels) -> (u64, u64) {
+    let code = u64::from(record.coverage);
+    // A damaged file may have coverages of nothing.
+    match channels.coverage_bits {
+        0 => (1, 1),
+        8 => (code.count_ones().max(1).into(), 8),
+        _ => ((code & 0x7f).max(1).pow(2), u64::from(MOST_SHARE).pow(2)),
+    }
+}
+
+/// How much of each point of a box is seen through: 255 where no voxel is.
+#[derive(Default)]
+struct Clearness {
+    low: [u32; 3],
+    size: [usize; 3],
+    clear: Vec<u8>,
+}
+
+impl Clearness {
+    /// Begins with the box of `region` and of one more point on each side, which may lie outside the grid.
+    fn begin(&mut self, region: &Region) {
+        self.low = region.low();
+        self.size = region.size().map(|points| points as usize + 2);
+        self.clear.clear();
+        self.clear.resize(self.size.iter().product(), u8::MAX);
+    }
+
+    /// Returns the index of a point of the box, whose lowest has coordinates of -1 beside the region's.
+    #[inline]
+    fn index(&self, [x, y, z]: [u32; 3]) -> usize {
+        let at = |a: usize, coordinate: u32| (coordinate + 1 - self.low[a]) as usize;
+        (at(2, z) * self.size[1] + at(1, y)) * self.size[0] + at(0, x)
+    }
+
+    /// Returns how much of a voxel's six faces is seen, 1 to 1,531.
+    #[inline]
+    fn seen(&self, place: [u32; 3]) -> u64 {
+        let (at, row) = (self.index(place), self.size[0]);
+        let slice = row * self.size[1];
+        let faces = [at - 1, at + 1, at - row, at + row, at - slice, at + slice];
+        1 + faces.into_iter().map(|face| u64::from(self.clear[face])).sum::<u64>()
+    }
+}
+
 /// The voxels of the level above some rows.
 pub struct CoarserRows<'a> {
     rows: &'a dyn Rows,
     factors: [u32; 3],
     dims: [u32; 3],
-    is_labels: bool,
+    look: &'a LevelLook,
     threads: usize,
 }
 
 impl<'a> CoarserRows<'a> {
-    /// Creates the level above `rows`, of which `factors` points along each axis, 1 or 2, become one. `is_labels` tells that
-    /// values are labels. So many `threads` will read.
-    pub fn new(rows: &'a dyn Rows, factors: [u32; 3], is_labels: bool, threads: usize) -> CoarserRows<'a> {
+    /// Creates the level above `rows`, of which `factors` points along each axis, 1 or 2, become one. So many
+    /// `threads` will read.
+    pub fn new(rows: &'a dyn Rows, factors: [u32; 3], look: &'a LevelLook, threads: usize) -> CoarserRows<'a> {
         let dims = rows.dims();
         let dims = std::array::from_fn(|a| dims[a].div_ceil(factors[a]));
-        CoarserRows { rows, factors, dims, is_labels, threads }
+        CoarserRows { rows, factors, dims, look, threads }
     }
 
     /// Returns how many of the coarser rows are made at once: few, and in whole tiles.
@@ -154,9 +242,10 @@ impl Rows for CoarserRows<'_> {
 
     fn memory(&self) -> u64 {
         let [width, height, _] = self.rows.dims().map(u64::from);
-        let points = width * (u64::from(self.rows_at_once()) * 2).min(height) * 2;
+        let rows = (u64::from(self.rows_at_once()) * 2).min(height);
+        let around = (width + 2) * (rows + 2) * 4;
         // A growing array may hold twice its bytes.
-        self.rows.memory() + 2 * points * size_of::<Voxel>() as u64 * self.threads as u64
+        self.rows.memory() + (2 * width * rows * 2 * size_of::<Voxel>() as u64 + around) * self.threads as u64
     }
 
     fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()> {
@@ -169,7 +258,9 @@ impl Rows for CoarserRows<'_> {
         let narrow =
             |coordinate: u32| u16::try_from(coordinate).expect("inside a grid of at most 65,535 points an axis");
         let step = self.rows_at_once();
+        let channels = self.rows.channels();
         let mut parts: Vec<Vec<Voxel>> = Vec::new();
+        let mut clearness = Clearness::default();
         let mut voxels = Vec::new();
         for z in region.zs.clone() {
             for first in region.ys.clone().step_by(step as usize) {
@@ -182,9 +273,18 @@ impl Rows for CoarserRows<'_> {
                 let ([_, low_y, low_z], [_, height, depth]) = (below.low(), below.size());
                 parts.resize_with((height * depth) as usize, Vec::new);
                 parts.iter_mut().for_each(Vec::clear);
-                self.rows.read(below, &mut |y, z, part| {
-                    let place = (u32::from(z) - low_z) * height + u32::from(y) - low_y;
-                    parts[place as usize].extend_from_slice(part);
+                clearness.begin(&below);
+                let around = below.and_neighbours();
+                self.rows.read(around, &mut |y, z, part| {
+                    let (y, z) = (u32::from(y), u32::from(z));
+                    for voxel in part {
+                        let index = clearness.index([voxel.x.into(), y, z]);
+                        clearness.clear[index] = self.look.clear(&voxel.record, channels);
+                    }
+                    if below.ys.contains(&y) && below.zs.contains(&z) {
+                        let inside = part.iter().filter(|voxel| below.xs.contains(&voxel.x.into()));
+                        parts[((z - low_z) * height + y - low_y) as usize].extend(inside);
+                    }
                 })?;
                 for y in first..end {
                     // Of the block's rows, those at the low and the high end of y, first at the low end of z.
@@ -194,7 +294,8 @@ impl Rows for CoarserRows<'_> {
                         block[2 * z as usize + high] = &parts[(z * height + y_below - low_y) as usize];
                     }
                     voxels.clear();
-                    self.merge(block, &mut voxels);
+                    let low = [0, y * self.factors[1], z * self.factors[2]];
+                    self.merge(block, low, &clearness, &mut voxels);
                     if !voxels.is_empty() {
                         row(narrow(y), narrow(z), &voxels);
                     }
@@ -207,7 +308,9 @@ impl Rows for CoarserRows<'_> {
 
 impl CoarserRows<'_> {
     /// Makes one row of the rows of the level below at the low and the high end of y, first at the low end of z.
-    fn merge(&self, mut rows: [&[Voxel]; 4], voxels: &mut Vec<Voxel>) {
+    ///
+    /// `low` has the lowest y and z of these.
+    fn merge(&self, mut rows: [&[Voxel]; 4], low: [u32; 3], clearness: &Clearness, voxels: &mut Vec<Voxel>) {
         let shift = self.factors[0] - 1;
         let channels = self.rows.channels();
         while let Some(x) = rows.iter().filter_map(|row| row.first()).map(|voxel| voxel.x >> shift).min() {
@@ -215,11 +318,13 @@ impl CoarserRows<'_> {
             for (place, row) in rows.iter_mut().enumerate() {
                 while let Some((voxel, rest)) = row.split_first().filter(|(voxel, _)| voxel.x >> shift == x) {
                     let high = usize::from(voxel.x & u16::from(self.factors[0] == 2));
-                    block.add(high + 2 * place, &voxel.record, channels);
+                    let (up, back) = (place as u32 & 1, place as u32 >> 1);
+                    let seen = clearness.seen([voxel.x.into(), low[1] + up, low[2] + back]);
+                    block.add(high + 2 * place, &voxel.record, channels, seen);
                     *row = rest;
                 }
             }
-            voxels.push(Voxel { x, record: block.record(channels, self.is_labels) });
+            voxels.push(Voxel { x, record: block.record(channels, self.look.is_labels) });
         }
     }
 }
@@ -228,10 +333,13 @@ impl CoarserRows<'_> {
 #[derive(Default)]
 struct Block {
     factors: [u32; 3],
-    /// Weights, in proportion to the shares that are visible, and records.
+    /// For each voxel: how much it counts in means, in proportion to the share that is visible and to what is seen of its
+    /// faces; and its record.
     voxels: [(u64, Record); 8],
     count: usize,
+    /// The sums of shares and of what voxels count in means.
     weight: u64,
+    seen: u64,
     value: u64,
     magnitude: u64,
     normal: [f64; 3],
@@ -244,23 +352,15 @@ struct Block {
 }
 
 impl Block {
-    /// Adds a voxel at `place`: x + 2 y + 4 z, each 0 or 1.
+    /// Adds a voxel at `place`: x + 2 y + 4 z, each 0 or 1. `seen` is how much of its faces is seen.
     #[inline]
-    fn add(&mut self, place: usize, record: &Record, channels: Channels) {
-        // A damaged file may have coverages of nothing.
+    fn add(&mut self, place: usize, record: &Record, channels: Channels, seen: u64) {
         let code = u64::from(record.coverage);
-        let (weight, offsets) = match channels.coverage_bits {
-            0 => (1, [0; 3]),
-            8 => {
-                let points = i64::from(code.count_ones().max(1));
-                let high = [0xaau64, 0xcc, 0xf0].map(|end| i64::from((code & end).count_ones()));
-                (points.unsigned_abs(), high.map(|high| 2 * (2 * high - points)))
-            }
-            _ => {
-                let weight = (code & 0x7f).max(1).pow(2);
-                let offset = |at: u32| (code >> at & 7).min(6).cast_signed() - 3;
-                (weight, [7, 10, 13].map(|at| weight.cast_signed() * offset(at)))
-            }
+        let (weight, _) = weight(record, channels);
+        let offsets = match channels.coverage_bits {
+            0 => [0; 3],
+            8 => [0xaau64, 0xcc, 0xf0].map(|end| 2 * (2 * i64::from((code & end).count_ones()) - weight.cast_signed())),
+            _ => [7, 10, 13].map(|at| weight.cast_signed() * ((code >> at & 7).min(6).cast_signed() - 3)),
         };
         self.mask |= 1 << place;
         for a in 0..3 {
@@ -268,19 +368,21 @@ impl Block {
             self.ends[a] += if is_high { weight.cast_signed() } else { -weight.cast_signed() };
             self.moments[a] += offsets[a];
         }
-        self.voxels[self.count] = (weight, *record);
+        let seen = weight * seen;
+        self.voxels[self.count] = (seen, *record);
         self.count += 1;
         self.weight += weight;
-        self.value += weight * u64::from(record.value);
-        self.magnitude += weight * u64::from(record.magnitude);
+        self.seen += seen;
+        self.value += seen * u64::from(record.value);
+        self.magnitude += seen * u64::from(record.magnitude);
         let normal = match channels.normal_bits {
             0 => return,
             8 => normal::decode8(low_half(record.normal)),
             _ => normal::decode16(record.normal),
         };
-        // Whole numbers of at most 14 bits times single precision: the products are exact.
-        #[expect(clippy::cast_precision_loss, reason = "at most 16,129")]
-        let factor = weight as f64;
+        // Whole numbers of at most 25 bits times single precision: the products are exact.
+        #[expect(clippy::cast_precision_loss, reason = "at most 24,693,499")]
+        let factor = seen as f64;
         for (sum, component) in self.normal.iter_mut().zip(normal) {
             *sum += factor * f64::from(component);
         }
@@ -288,7 +390,7 @@ impl Block {
 
     #[inline]
     fn record(&self, channels: Channels, is_labels: bool) -> Record {
-        let mean = |sum: u64| (2 * sum + self.weight) / (2 * self.weight);
+        let mean = |sum: u64| (2 * sum + self.seen) / (2 * self.seen);
         let value = if is_labels { self.label() } else { u16::try_from(mean(self.value)).unwrap_or(u16::MAX) };
         Record {
             value,
