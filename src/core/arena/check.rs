@@ -31,7 +31,7 @@ use super::layout::{Channels, Facts, FileHeader, SectionEntry, SectionKind, TILE
 use super::levels::{CoarserRows, LevelLook, coarser};
 use super::open::{Arena, fault, zeros_from};
 use super::pager::tell;
-use super::rows::{Region, Rows as _, Voxel};
+use super::rows::{Region, Rows, Voxel};
 use crate::error::FormatFault;
 use crate::limits::MAX_DESCRIPTION_BYTES;
 use crate::volume::Axis;
