@@ -82,8 +82,10 @@ class Edit:
     ) -> Model:
         """Writes the edited voxels to the file `path`, whole or not at all, and opens it; arguments are those of `build`.
 
-        Levels of detail are made if `levels` asks for them, as in `build`. Those of the model's file are of the voxels before
-        the edit, so they are left out, with a `BuildWarning`. The file keeps the transfer function that the model's file has; the model that is returned is drawn with that of
+        Levels of detail are made if `levels` asks for them, as in `build`. Those of the model's file are of the voxels
+        before the edit: they are left out, with a `BuildWarning`.
+
+        The file keeps the transfer function that the model's file has; the model that is returned is drawn with that of
         this model. Raises `ValueError` if no voxel is left.
         """
         path = output_path(path)

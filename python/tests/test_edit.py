@@ -146,7 +146,8 @@ def test_levels_of_detail_are_made_and_those_of_before_an_edit_are_left_out(tmp_
 
 def _section_kinds(path):
     """What the sections of a file hold: "level 2", else a number."""
-    head = open(path, "rb").read(256 + 32 * 64)
+    with open(path, "rb") as file:
+        head = file.read(256 + 32 * 64)
     count = int.from_bytes(head[12:16], "little")
     kinds = [int.from_bytes(head[256 + 32 * at :][:2], "little") for at in range(count)]
     return [f"level {kind - 0x8000}" if 0x8000 < kind < 0x8010 else str(kind) for kind in kinds]
