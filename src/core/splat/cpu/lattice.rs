@@ -57,10 +57,12 @@ struct Density {
     wide: f64,
     /// Where voxels are small.
     small: f64,
+    /// Where they are small and lie beside the points of the grid, as those of levels.
+    beside: f64,
 }
 
-const ENOUGH: Density = Density { wide: 0.93, small: 0.7 };
-const FEWEST: Density = Density { wide: 0.62, small: 0.7 };
+const ENOUGH: Density = Density { wide: 0.93, small: 0.7, beside: 0.6 };
+const FEWEST: Density = Density { wide: 0.62, small: 0.7, beside: 0.6 };
 /// The most pixels of the plane that are worthwhile per pixel of the picture, along a side, unless voxels are small.
 const PER_PIXEL: f64 = 1.35;
 /// The same where a filter follows and voxels are opaque, as their edges are finer than the filter; and the sharpness from
@@ -224,7 +226,8 @@ impl Lattice {
             return None;
         }
         let samples = move |step: f64, least: f64| (density.wide * sharpness).min(least.max(per_pixel * step * sigma));
-        let choose = |step: f64| samples(step, density.small) / sigma;
+        let small = if view.margin > 0.0 { density.beside } else { density.small };
+        let choose = |step: f64| samples(step, small) / sigma;
         let choose_far = |step: f64| samples(step, 0.0) / sigma;
         let nested = [order.slow.index(), order.fast.index(), order.medium.index()];
         let extent = BoxExtent::new(bounds, nested, kernel);
