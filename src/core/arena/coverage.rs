@@ -34,9 +34,34 @@ const PER_SPACING: f32 = 8.0;
 /// Largest offset along an axis, in the level's spacing.
 pub(crate) const MOST_OFFSET: f64 = 0.375;
 
+/// What each 8-bit code stands for: looked up, as a walk asks for every voxel.
+static MASKS: [Coverage; 256] = {
+    let mut masks = [Coverage { share: 0.0, offset: [0.0; 3] }; 256];
+    let mut mask = 1;
+    while mask < 256 {
+        masks[mask] = Coverage::of_mask(mask as u32);
+        mask += 1;
+    }
+    masks
+};
+
 impl Coverage {
     /// A voxel that is wholly visible.
     pub const WHOLE: Coverage = Coverage { share: 1.0, offset: [0.0; 3] };
+
+    /// Returns the share and the mean place of the points of a mask, which is not 0.
+    const fn of_mask(mask: u32) -> Coverage {
+        let points = mask.count_ones() as f32;
+        // Of the points that are visible, those at the high end of each axis.
+        let high = [mask & 0xaa, mask & 0xcc, mask & 0xf0];
+        let mut offset = [0.0; 3];
+        let mut axis = 0;
+        while axis < 3 {
+            offset[axis] = 0.5 * high[axis].count_ones() as f32 / points - 0.25;
+            axis += 1;
+        }
+        Coverage { share: points / POINTS, offset }
+    }
 
     /// Returns what `code` stands for in a lane with these channels. Any code is safe; those that no writer writes stand for
     /// some coverage.
@@ -45,14 +70,7 @@ impl Coverage {
     pub fn of_code(code: u16, channels: Channels) -> Coverage {
         match channels.coverage_bits {
             0 => Coverage::WHOLE,
-            8 => {
-                let mask = u32::from(code) & 0xff;
-                let points = mask.count_ones() as f32;
-                // Of the points that are visible, those at the high end of each axis.
-                let high = [0xaau32, 0xcc, 0xf0].map(|end| (mask & end).count_ones() as f32);
-                let offset = high.map(|high| if points > 0.0 { 0.5 * high / points - 0.25 } else { 0.0 });
-                Coverage { share: points / POINTS, offset }
-            }
+            8 => MASKS[usize::from(code & 0xff)],
             _ => {
                 let code = u32::from(code);
                 let share = (code & 0x7f) as f32 / LARGEST;

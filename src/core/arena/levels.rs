@@ -342,7 +342,6 @@ struct Block {
     seen: u64,
     value: u64,
     magnitude: u64,
-    normal: [f64; 3],
     /// A bit for each voxel: 1 << (x + 2 y + 4 z) for its place in the block, 0 or 1 along each axis.
     mask: u32,
     /// For each axis: the weights of voxels at its high end less those at its low end, and the sum of weights times offsets,
@@ -375,17 +374,6 @@ impl Block {
         self.seen += seen;
         self.value += seen * u64::from(record.value);
         self.magnitude += seen * u64::from(record.magnitude);
-        let normal = match channels.normal_bits {
-            0 => return,
-            8 => normal::decode8(low_half(record.normal)),
-            _ => normal::decode16(record.normal),
-        };
-        // Whole numbers of at most 25 bits times single precision: the products are exact.
-        #[expect(clippy::cast_precision_loss, reason = "at most 24,693,499")]
-        let factor = seen as f64;
-        for (sum, component) in self.normal.iter_mut().zip(normal) {
-            *sum += factor * f64::from(component);
-        }
     }
 
     #[inline]
@@ -445,18 +433,34 @@ impl Block {
         codes.max_by_key(|&code| (weight_of(code), std::cmp::Reverse(code))).unwrap_or(0)
     }
 
-    /// Returns the code of the mean normal; that of the first voxel of the largest coverage if the mean is no direction.
+    /// Returns the code of the mean normal; that of the voxel that counts most, the first of equals, if the mean is no
+    /// direction.
+    ///
+    /// Lighting is two-sided, and the sides of a thin wall have opposite normals: each counts with the sign with which it
+    /// is on the side of the voxel that counts most.
     fn normal(&self, bits: u8) -> u32 {
-        if bits == 0 {
-            return 0;
+        let decode = |code: u32| match bits {
+            8 => normal::decode8(low_half(code)),
+            _ => normal::decode16(code),
+        };
+        let most = self.stored().iter().map(|(seen, _)| *seen).max();
+        let first = self.stored().iter().find(|(seen, _)| Some(*seen) == most).filter(|_| bits > 0);
+        let Some((_, first)) = first else { return 0 };
+        let side = decode(first.normal).map(f64::from);
+        let mut sum = [0.0f64; 3];
+        for (seen, record) in self.stored() {
+            let direction = decode(record.normal).map(f64::from);
+            let along: f64 = side.iter().zip(direction).map(|(side, direction)| side * direction).sum();
+            // Whole numbers of at most 25 bits times single precision: the products are exact.
+            #[expect(clippy::cast_precision_loss, reason = "at most 24,693,499")]
+            let factor = *seen as f64 * if along < 0.0 { -1.0 } else { 1.0 };
+            sum = [0, 1, 2].map(|axis| sum[axis] + factor * direction[axis]);
         }
-        if self.normal == [0.0; 3] {
-            let largest = self.stored().iter().map(|(weight, _)| *weight).max();
-            let first = self.stored().iter().find(|(weight, _)| Some(*weight) == largest);
-            return first.map_or(0, |(_, record)| record.normal);
+        if sum == [0.0; 3] {
+            return first.normal;
         }
         // A code stands for the direction opposite to a gradient.
-        let gradient = self.normal.map(|component| -component);
+        let gradient = sum.map(|component| -component);
         if bits == 8 { normal::encode8(gradient).into() } else { normal::encode16(gradient) }
     }
 }

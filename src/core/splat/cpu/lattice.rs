@@ -324,8 +324,12 @@ impl Lattice {
                 }
             }
         } else {
+            let mut at = [[0.0; BLOCK]; 3];
             for j in 0..BLOCK {
-                let place = Lattice::place_beside(slice, positions.at(j));
+                [at[0][j], at[1][j], at[2][j]] = positions.at(j);
+            }
+            for j in 0..BLOCK {
+                let place = Lattice::place_beside(slice, [at[0][j], at[1][j], at[2][j]]);
                 ([pixel[0][j], pixel[1][j]], [offset[0][j], offset[1][j]]) = (place.pixel, place.offset);
                 (scale[j], radius[j]) = (place.scale, self.kernel.radius / place.scale.sqrt());
             }

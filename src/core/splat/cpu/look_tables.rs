@@ -14,26 +14,28 @@ use crate::splat::view::PixelMap;
 
 /// Looks by value code and light by normal code, for parallel views: all voxels see the same light.
 pub(super) struct LookTables {
-    /// For each value code: colour and optical depth.
+    /// For each value code: colour and optical depth, that of a splat unless voxels have coverages.
     looks: Box<[Look; 256]>,
     /// For each normal code: a factor on the colour, and a highlight; `None` if voxels are not lit.
     light: Option<Box<[[f32; 2]; 1 << 16]>>,
 }
 
 impl LookTables {
-    /// Creates the tables of a frame. `None` if the view is not parallel, codes are longer, voxels have
-    /// coverages, or there are few.
+    /// Creates the tables of a frame. `None` if the view is not parallel, codes are longer, or there are
+    /// few voxels.
     pub(super) fn new(projector: &Projector, strength: f32) -> Option<LookTables> {
         /// Computing the light of each code takes as long as that of this number of voxels.
         const MANY: usize = 1 << 16;
         let channels = projector.lane.channels;
         let is_short = channels.value_bits == 8 && channels.normal_bits <= 8;
         let is_parallel = matches!(projector.map, PixelMap::Parallel { .. });
-        if !is_parallel || !is_short || !projector.is_on_grid() || projector.lane.values.len() < 2 * MANY {
+        if !is_parallel || !is_short || projector.lane.values.len() < 2 * MANY {
             return None;
         }
         let mut looks = Box::new(*projector.table.of_bytes()?);
-        looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
+        if projector.is_on_grid() {
+            looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
+        }
         let light = projector.lights.as_ref().map(|lights| {
             let light = vec![[0.0; 2]; 1 << 16].into_boxed_slice();
             let mut light: Box<[_; 1 << 16]> = light.try_into().expect("as many as were asked for");
@@ -47,6 +49,17 @@ impl LookTables {
     #[inline(always)]
     pub(super) fn colour(&self, projector: &Projector, voxels: &VoxelBlock, looks: &mut [[f32; 4]]) {
         let records = &voxels.records[..voxels.count.min(BLOCK)];
+        self.colour_whole(projector, records, looks);
+        if !projector.is_on_grid() {
+            for (look, &record) in looks.iter_mut().zip(records) {
+                look[3] = limited(look[3] * projector.lane.coverage(record).share, 1.0);
+            }
+        }
+    }
+
+    /// Computes the colours and depths of voxels that are wholly visible.
+    #[inline(always)]
+    fn colour_whole(&self, projector: &Projector, records: &[usize], looks: &mut [[f32; 4]]) {
         match &self.light {
             None => {
                 for (look, &record) in looks.iter_mut().zip(records) {
