@@ -50,7 +50,7 @@ pub(crate) fn in_level(number: u16, change: impl FnOnce(&mut Parts)) -> Vec<u8> 
 fn recover(parts: &mut Parts, element_bytes: u8) {
     let records = parts.section(SectionKind::Steps, Axis::X).bytes.clone();
     let coverages = parts.section(SectionKind::Coverage, Axis::X);
-    let code = if element_bytes == 1 { &[0xff][..] } else { &[0x7f, 0x6d][..] };
+    let code = if element_bytes == 1 { &[0xff][..] } else { &[0xff, 0x6d][..] };
     coverages.element_bytes = element_bytes;
     coverages.bytes =
         records.iter().flat_map(|&step| code.iter().map(move |&byte| if step == 0 { 0 } else { byte })).collect();
