@@ -8,13 +8,15 @@ As a module:
     arena.normals(voxels.normal)      # unit vectors along the grid's axes, n x 3; zeros for "no normal"
     arena.magnitudes(voxels.magnitude)
     arena.shares(voxels.coverage)     # how much of each voxel is visible, 0 to 1; coverage is None where all are whole
+    arena.offsets(voxels.coverage)    # where: from the point, along x, y, z in spacings, n x 3
     arena.levels                      # coarser levels of detail, level 1 first: arenas too
 
 As a program:
     read_adj.py FILE...                 what each lane holds
     read_adj.py --list FILE...          a line a voxel, by z, y, x: x y z value normal magnitude, and the coverage if
                                         the file stores any
-    read_adj.py --decoded FILE...       the same with what codes mean: x y z value nx ny nz magnitude share
+    read_adj.py --decoded FILE...       the same with what codes mean: x y z value nx ny nz magnitude, and the share and
+                                        the offset along x, y, z if the file stores coverages
     read_adj.py --csv OUT FILE          the voxels of the x lane as text; --npz OUT as numpy arrays
     --lane x|y|z                        that lane only
     --level N                           that level of detail instead of the file's own voxels
@@ -100,8 +102,9 @@ class Arena:
     def _read_table(self, count):
         require(count <= 1024 and 256 + 32 * count <= len(self.content), "R5", f"a table of {count} sections")
         self.sections, self._parts, end = [], {}, 256 + 32 * count
-        kinds = [struct.unpack_from("<H", self.content, 256 + 32 * index)[0] for index in range(count)]
-        self.coverage_bits = 8 if COVERAGES in kinds else 0
+        entries = [struct.unpack_from("<HBB", self.content, 256 + 32 * index) for index in range(count)]
+        widths = [element for kind, _, element in entries if kind == COVERAGES]
+        self.coverage_bits = 0 if not widths else 16 if widths[0] == 2 else 8
         for index in range(count):
             kind, axis, element, _, offset, length, xxh3 = struct.unpack_from("<HBBIQQQ", self.content, 256 + 32 * index)
             require(0 < kind < 8 or kind >= 0x8000, "R10", f"section kind {kind} is unknown")
@@ -150,7 +153,7 @@ class Arena:
             for name in ("value_bits", "normal_bits", "magnitude_bits", "tile_order", "value_low", "value_step",
                          "magnitude_scale", "lanes"):
                 require(getattr(level, name) == getattr(below, name), "R24", f"another {name} in a level")
-            require(level.coverage_bits == 8, "R24", "a level without coverages")
+            require(level.coverage_bits == (16 if below.coverage_bits else 8), "R24", "other coverages than a level's")
             is_plain = level._parts.get((DESCRIPTION, 255)) == b"{}" and not level.levels
             require(is_plain, "R24", "a level with a description or with levels")
             self.levels.append(level)
@@ -246,7 +249,18 @@ class Arena:
 
     def shares(self, codes):
         """Coverage codes as the shares of voxels that are visible."""
-        return (codes / 255) ** 2
+        if self.coverage_bits == 8:
+            return points_of(codes).sum(axis=(-3, -2, -1)) / 8
+        return ((codes & 127) / 127) ** 2
+
+    def offsets(self, codes):
+        """Coverage codes as the mean places of what is visible, along x, y, z from the point, in spacings."""
+        if self.coverage_bits == 8:
+            points = points_of(codes)  # by z, y, x
+            count = np.maximum(points.sum(axis=(-3, -2, -1)), 1)
+            ends = [points.take(1, axis) - points.take(0, axis) for axis in (-1, -2, -3)]
+            return np.stack([end.sum(axis=(-2, -1)) / (4 * count) for end in ends], axis=-1)
+        return np.stack([(np.minimum(codes >> low & 7, 6) - 3) / 8 for low in (7, 10, 13)], axis=-1)
 
     def normals(self, codes):
         """Normal codes as unit vectors along the grid's axes (times `direction`: world); zeros where there is none."""
@@ -260,6 +274,11 @@ class Arena:
         none = codes == (1 << (bits - 1)) * (1 + (1 << bits))
         normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
         return np.where(none[..., None], 0.0, normal)
+
+
+def points_of(masks):
+    """The bits of masks of 8 points, by z, y, x along the last three axes."""
+    return (masks[..., None] >> np.arange(8) & 1).reshape(*masks.shape, 2, 2, 2)
 
 
 def description_of(section):
@@ -321,11 +340,11 @@ def sorted_rows(voxels):
 
 
 def decoded_rows(arena, rows):
-    """Rows of x, y, z, value, the normal's three components, magnitude, and the share if there are coverages."""
+    """Rows of x, y, z, value, the normal's three components, magnitude, and share and offset if there are coverages."""
     place, (value, normal, magnitude, *coverage) = rows[:, :3], rows[:, 3:].T
     normals = arena.normals(normal) if arena.normal_bits else np.zeros((len(rows), 3))
-    shares = [arena.shares(codes) for codes in coverage]
-    return np.column_stack([place, arena.values(value), normals, arena.magnitudes(magnitude), *shares])
+    covered = [part(codes) for codes in coverage for part in (arena.shares, arena.offsets)]
+    return np.column_stack([place, arena.values(value), normals, arena.magnitudes(magnitude), *covered])
 
 
 def main():

@@ -2,9 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use adjsplat::arena::{Channels, Record};
-use adjsplat::classify::normal;
+use adjsplat::arena::layout::Scales;
+use adjsplat::arena::{Channels, Record, stored_opacity};
+use adjsplat::classify::{TransferFunction, normal};
 use adjsplat::volume::Grid;
+use adjsplat_tests::random::Random;
 
 /// Voxels by x, y, z.
 pub(crate) type Voxels = BTreeMap<[u32; 3], Record>;
@@ -29,65 +31,197 @@ pub(crate) fn coarser_grid(grid: &Grid) -> Option<(Grid, [u32; 3])> {
     (is_drawable && is_finite).then(|| (coarse, halved.map(|halved| if halved { 2 } else { 1 })))
 }
 
-/// The voxels of the level above `voxels`, of whose points `factors` along each axis become one.
-pub(crate) fn coarser(voxels: &Voxels, channels: Channels, factors: [u32; 3], is_labels: bool) -> Voxels {
-    let mut blocks: BTreeMap<[u32; 3], Vec<([u32; 3], Record)>> = BTreeMap::new();
-    for (&[x, y, z], &record) in voxels {
-        let place = [x / factors[0], y / factors[1], z / factors[2]];
-        blocks.entry(place).or_default().push(([z, y, x], record));
+/// The channels of the level above one with these.
+pub(crate) fn coarser_channels(channels: Channels) -> Channels {
+    let coverage_bits = match channels.coverage_bits {
+        0 => 8,
+        _ => 16,
+    };
+    Channels { coverage_bits, ..channels }
+}
+
+/// Whether voxels may have this coverage.
+pub(crate) fn is_coverage(code: u16, channels: Channels) -> bool {
+    match channels.coverage_bits {
+        0 => true,
+        8 => code > 0,
+        _ => code % 128 > 0 && [7, 10, 13].into_iter().all(|at| code >> at & 7 < 7),
     }
-    let points = factors.iter().product::<u32>().into();
+}
+
+/// A coverage that voxels may have; 0 if there are none.
+pub(crate) fn random_coverage(random: &mut Random, channels: Channels) -> u16 {
+    let code = match channels.coverage_bits {
+        0 => 0,
+        8 => 1 + random.below(255),
+        _ => (0..3).fold(1 + random.below(127), |code, a| code | random.below(7) << (7 + 3 * a)),
+    };
+    u16::try_from(code).expect("16 bits")
+}
+
+/// How a description makes a file's values look.
+#[derive(Default)]
+pub(crate) struct Look {
+    is_labels: bool,
+    function: Option<(TransferFunction, Scales)>,
+}
+
+impl Look {
+    /// The look of a file with this description and these scales.
+    pub(crate) fn new(description: &str, scales: &Scales) -> Look {
+        let description = serde_json::from_str(description).unwrap_or(serde_json::Value::Null);
+        let function = &description["transfer_function"];
+        let parsed = TransferFunction::from_json(&function.to_string()).ok();
+        Look { is_labels: function["kind"] == "labels", function: parsed.map(|function| (function, *scales)) }
+    }
+
+    /// How much is seen through a voxel, 0 to 255.
+    fn seen_through(&self, record: &Record, channels: Channels) -> i128 {
+        let Some((function, scales)) = &self.function else { return 255 };
+        let clear = 1.0 - stored_opacity(function, scales, record.value, f64::MAX);
+        let hidden = 255 - (255.0 * clear * clear).round() as i128;
+        let Covered { share, whole, .. } = Covered::new(record, channels);
+        255 - hidden * share / whole
+    }
+}
+
+/// What is visible of a voxel.
+struct Covered {
+    /// The share is `share / whole`.
+    share: i128,
+    whole: i128,
+    /// The mean position of what is visible, along x, y, z, from the middle, in eighths of a spacing, times `share`.
+    moment: [i128; 3],
+}
+
+impl Covered {
+    fn new(record: &Record, channels: Channels) -> Covered {
+        let code = i128::from(record.coverage);
+        match channels.coverage_bits {
+            0 => Covered { share: 1, whole: 1, moment: [0; 3] },
+            8 => {
+                // Points lie a quarter of a spacing from the middle: two eighths.
+                let points: Vec<usize> = (0..8).filter(|&point| code >> point & 1 == 1).collect();
+                let along = |a: usize| points.iter().map(|point| if point >> a & 1 == 1 { 2 } else { -2 }).sum();
+                Covered { share: points.len() as i128, whole: 8, moment: [along(0), along(1), along(2)] }
+            }
+            _ => {
+                let share = (code % 128) * (code % 128);
+                let moment = [128, 1024, 8192].map(|unit| share * (code / unit % 8 - 3));
+                Covered { share, whole: 127 * 127, moment }
+            }
+        }
+    }
+}
+
+/// A voxel of a block.
+struct Member {
+    /// Where it lies in the block: z, y, x, each 0 or 1. Members are sorted by it.
+    at: [u32; 3],
+    record: Record,
+    covered: Covered,
+    /// How much it counts in means.
+    weight: i128,
+}
+
+/// The voxels of the level above `voxels`, of whose points `factors` along each axis become one.
+pub(crate) fn coarser(voxels: &Voxels, channels: Channels, factors: [u32; 3], look: &Look) -> Voxels {
+    let mut blocks: BTreeMap<[u32; 3], Vec<Member>> = BTreeMap::new();
+    for (&point, &record) in voxels {
+        let neighbours = (0..3).flat_map(|a| {
+            [u32::MAX, 1].map(|step| {
+                let mut at = point;
+                at[a] = at[a].wrapping_add(step);
+                at
+            })
+        });
+        let seen_through = |at| voxels.get(&at).map_or(255, |neighbour| look.seen_through(neighbour, channels));
+        let seen = 1 + neighbours.map(seen_through).sum::<i128>();
+        let covered = Covered::new(&record, channels);
+        let weight = covered.share * seen;
+        let [x, y, z] = [0, 1, 2].map(|a| point[a] % factors[a]);
+        let place = [0, 1, 2].map(|a| point[a] / factors[a]);
+        blocks.entry(place).or_default().push(Member { at: [z, y, x], record, covered, weight });
+    }
     blocks
         .into_iter()
         .map(|(place, mut block)| {
-            block.sort_by_key(|&(at, _)| at);
-            let records: Vec<Record> = block.into_iter().map(|(_, record)| record).collect();
-            (place, mean(&records, channels, points, is_labels))
+            block.sort_by_key(|member| member.at);
+            let coverage = if channels.coverage_bits == 0 { mask(&block, factors) } else { word(&block, factors) };
+            (place, Record { coverage, ..mean(&block, channels, look.is_labels) })
         })
         .collect()
 }
 
-/// The record of a block, of which there are `points`, with the voxels `block`, x first, then y, then z.
-fn mean(block: &[Record], channels: Channels, points: u128, is_labels: bool) -> Record {
-    let weight = |record: &Record| {
-        let code = if channels.coverage_bits == 0 { 255 } else { record.coverage };
-        u128::from(code) * u128::from(code)
-    };
-    let all: u128 = block.iter().map(weight).sum();
-    // The code with `(code - 1/2)^2 <= share < (code + 1/2)^2`, at least 1.
-    let coverage = (1..=255u128).rev().find(|c| (2 * c - 1) * (2 * c - 1) * points <= 4 * all).unwrap_or(1);
-    let mean = |code: &dyn Fn(&Record) -> u128| {
-        let sum: u128 = block.iter().map(|record| weight(record) * code(record)).sum();
+/// The mask of the points of a block that are voxels; an axis that is not halved has the same at both ends.
+fn mask(block: &[Member], factors: [u32; 3]) -> u16 {
+    let mut mask = 0;
+    for point in 0..8u32 {
+        let [x, y, z] = [0, 1, 2].map(|a| if factors[a] == 2 { point >> a & 1 } else { 0 });
+        if block.iter().any(|member| member.at == [z, y, x]) {
+            mask |= 1 << point;
+        }
+    }
+    mask
+}
+
+/// The word of a block: its codes are looked for, not computed.
+fn word(block: &[Member], factors: [u32; 3]) -> u16 {
+    let sum: i128 = block.iter().map(|member| member.covered.share).sum();
+    let points = i128::from(factors.iter().product::<u32>()) * block[0].covered.whole;
+    // Square of twice the root, times 127: at least that of the code less a half.
+    let fits = |code: &i128| (2 * code - 1).pow(2) * points <= 4 * 127 * 127 * sum;
+    let mut word = (1..=127).rev().find(fits).unwrap_or(1);
+    for a in 0..3 {
+        // Eighths of the coarser spacing, times twice the sum of shares.
+        let eighths = |member: &Member| match factors[a] {
+            2 => member.covered.share * if member.at[2 - a] == 1 { 4 } else { -4 } + member.covered.moment[a],
+            _ => 2 * member.covered.moment[a],
+        };
+        let all: i128 = block.iter().map(eighths).sum();
+        // The nearest; of two, the one farther from the middle.
+        let distance = |code: &i128| ((all - (code - 3) * 2 * sum).abs(), -(code - 3).abs());
+        word += (0..7).min_by_key(distance).unwrap() << (7 + 3 * a);
+    }
+    u16::try_from(word).unwrap()
+}
+
+/// The codes of a block, but for the coverage.
+fn mean(block: &[Member], channels: Channels, is_labels: bool) -> Record {
+    let all: i128 = block.iter().map(|member| member.weight).sum();
+    let mean = |code: &dyn Fn(&Record) -> i128| {
+        let sum: i128 = block.iter().map(|member| member.weight * code(&member.record)).sum();
         // Rounded half up: one more if the rest is half of the weight or above.
-        sum / all + u128::from(2 * (sum % all) >= all)
+        sum / all + i128::from(2 * (sum % all) >= all)
     };
     let value = if is_labels {
-        let sum = |value: u16| -> u128 { block.iter().filter(|r| r.value == value).map(weight).sum() };
-        let mut codes: Vec<u16> = block.iter().map(|record| record.value).collect();
-        codes.sort_unstable();
-        let most = codes.iter().map(|&code| sum(code)).max().unwrap();
-        codes.into_iter().find(|&code| sum(code) == most).unwrap()
+        let mut sums: BTreeMap<u16, i128> = BTreeMap::new();
+        block.iter().for_each(|member| *sums.entry(member.record.value).or_default() += member.weight);
+        let most = *sums.values().max().unwrap();
+        sums.into_iter().find(|&(_, sum)| sum == most).unwrap().0
     } else {
         u16::try_from(mean(&|record| record.value.into())).unwrap()
     };
     let low_half = |code: u32| u16::try_from(code & 0xffff).unwrap();
+    let direction = |record: &Record| match channels.normal_bits {
+        8 => normal::decode8(low_half(record.normal)).map(f64::from),
+        _ => normal::decode16(record.normal).map(f64::from),
+    };
+    let most = block.iter().map(|member| member.weight).max().unwrap();
+    let heaviest = block.iter().find(|member| member.weight == most).unwrap().record;
     let mut sum = [0.0f64; 3];
-    for record in block {
-        let direction = match channels.normal_bits {
-            8 => normal::decode8(low_half(record.normal)),
-            _ => normal::decode16(record.normal),
-        };
-        sum = std::array::from_fn(|a| sum[a] + weight(record) as f64 * f64::from(direction[a]));
+    for Member { record, weight, .. } in block {
+        // Those on the other side of the heaviest one count turned around.
+        let (this, other) = (direction(record), direction(&heaviest));
+        let is_behind = this[0] * other[0] + this[1] * other[1] + this[2] * other[2] < 0.0;
+        sum = std::array::from_fn(|a| sum[a] + *weight as f64 * if is_behind { -this[a] } else { this[a] });
     }
     let normal = match channels.normal_bits {
         0 => 0,
-        _ if sum == [0.0; 3] => {
-            let most = block.iter().map(weight).max().unwrap();
-            block.iter().find(|record| weight(record) == most).unwrap().normal
-        }
+        _ if sum == [0.0; 3] => heaviest.normal,
         8 => normal::encode8(sum.map(|c| -c)).into(),
         _ => normal::encode16(sum.map(|c| -c)),
     };
     let magnitude = u8::try_from(mean(&|record| record.magnitude.into())).unwrap();
-    Record { value, normal, magnitude, coverage: u8::try_from(coverage).unwrap() }
+    Record { value, normal, magnitude, coverage: 0 }
 }

@@ -10,7 +10,7 @@ use adjsplat::arena::TileRecord;
 use adjsplat::arena::layout::{
     ALIGNMENT, FileHeader, MAGIC, MAX_SECTIONS, NARROW_LINE, OPTIONAL_KINDS, SectionEntry, SectionKind,
 };
-use adjsplat::arena::{Channels, TileOrder};
+use adjsplat::arena::{Channels, Coverage, TileOrder};
 use adjsplat::volume::Axis;
 
 fn formats() -> PathBuf {
@@ -100,6 +100,11 @@ fn the_specification_and_the_library_agree_on_the_kinds_of_sections() {
                 assert_eq!((NARROW_LINE, width(1_024)), (1_023, "4".to_owned()));
                 "2".to_owned()
             }
+            "1 for masks, 2 for words" => {
+                let words = Channels { coverage_bits: 16, ..channels };
+                assert_eq!(kind.element_bytes(words, [1; 3], Axis::X), 2);
+                "1".to_owned()
+            }
             number => number.to_owned(),
         };
         assert_eq!(width(NARROW_LINE), specified, "{}", kind.name());
@@ -116,6 +121,7 @@ fn numbers_in_the_prose_are_those_of_the_library() {
         format!("multiples of {ALIGNMENT} so that"),
         format!("Kinds from {OPTIONAL_KINDS:#x} on are *optional*"),
         format!("0, *Morton*: bit i of `tile_u` is bit {}i", TileOrder::Morton.key(2, 0) / 2),
+        format!("Word {:#x} (s 127,", Coverage::WHOLE.code()),
         format!("2, *rows*: `{} tile_v + tile_u`", TileOrder::Rows.key(0, 1)),
         format!("0x{:x}", xxhash_rust::xxh3::xxh3_64(b"")),
     ] {

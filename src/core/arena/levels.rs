@@ -1,8 +1,9 @@
 //! Levels of detail: the same voxels on a grid with fewer points.
 //!
 //! In: rows of voxels. Out: rows of a coarser level, whose voxels stand for blocks of up to 2 x 2 x 2 points. A voxel's
-//! coverage says how much of its block is visible; its codes are means weighted by coverage. A level is computed from the
-//! level below it as that is stored, so all levels follow from the stored voxels: `formats/adj-1.md`, section 13.
+//! coverage says how much of its block is visible and where. Its codes are means, in which voxels count by their share and by
+//! what is seen of their faces. A level is computed from the level below it as that is stored, so all levels follow from the
+//! stored voxels and the file's transfer function: `formats/adj-1.md`, section 13.
 //!
 //! Memory: the visible voxels of a few rows for each thread that reads.
 

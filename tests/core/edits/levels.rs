@@ -1,6 +1,6 @@
 //! Levels of detail, judged by a slow twin that goes from voxel to voxel.
 
-use adjsplat::arena::{Arena, Channels, LaneRows, Levels, MOST_LEVELS, Record, Region, Rows as _, TileOrder};
+use adjsplat::arena::{Arena, Channels, Coverage, LaneRows, Levels, MOST_LEVELS, Record, TileOrder};
 use adjsplat::build::Unobserved;
 use adjsplat::classify::normal;
 use adjsplat::file::{AdjFile, RowsOutput, write_rows};
@@ -8,10 +8,38 @@ use adjsplat::limits::Limits;
 use adjsplat::volume::Axis;
 use adjsplat_tests::random::Random;
 
-use crate::coarser::{Voxels, coarser, coarser_grid};
+use crate::coarser::{Look, Voxels, coarser, coarser_channels, coarser_grid};
 use crate::edits::{RandomVoxels as _, VoxelMap};
 
+/// A label map; of two functions the last one counts.
 const LABELS: &str = r#"{"transfer_function":{"kind":"range"},"transfer_function":{"labels":[],"kind":"labels"}}"#;
+
+/// A description: without a function, with one that cannot be read, or with one of any kind and of opacities from 0.02 to 1.
+fn random_description(random: &mut Random) -> String {
+    let mut opacity = || [0.02, 0.05, 0.1, 0.3, 0.6, 0.9, 1.0][random.index(7)];
+    let [a, b, c] = [opacity(), opacity(), opacity()];
+    let function = match random.below(9) {
+        0 => return "{}".to_owned(),
+        1 => return LABELS.to_owned(),
+        2 => r#"{"kind":"range","low":"all"}"#.to_owned(),
+        // Codes 0, 1, 2 stand for 10, 12, 14; there are more of these than of others.
+        3 | 4 => {
+            let label =
+                |label, opacity| format!(r##"{{"label":{label},"name":"","colour":"#ff0000","opacity":{opacity}}}"##);
+            format!(r#"{{"kind":"labels","labels":[{},{},{}]}}"#, label(10, a), label(12, b), label(300, c))
+        }
+        5 => format!(r#"{{"kind":"range","low":11,"high":400,"opacity":{a}}}"#),
+        6 => format!(
+            r##"{{"kind":"contour","voxel_length":1,"contours":[{{"value":12,"opacity":{a},"width":0}},{{"value":300,"opacity":{b}}}]}}"##
+        ),
+        _ => format!(
+            r##"{{"kind":"points","points":[{{"value":10,"colour":"#ff0000","opacity":{a}}},
+                {{"value":14,"colour":"#ff0000","opacity":{b}}},{{"value":9000,"colour":"#ff0000","opacity":{c}}}],
+                "gradient":[{{"magnitude":1,"factor":0}},{{"magnitude":5,"factor":{c}}}]}}"##
+        ),
+    };
+    format!(r#"{{"transfer_function":{function}}}"#)
+}
 
 /// The voxels of a lane by place.
 fn voxels_of(arena: &Arena, axis: Axis) -> Voxels {
@@ -54,7 +82,7 @@ fn random_model(random: &mut Random) -> VoxelMap {
         value_bits: [8, 16][random.index(2)],
         normal_bits: [0, 8, 16][random.index(3)],
         magnitude_bits: [0, 8][random.index(2)],
-        coverage_bits: [0, 0, 8][random.index(3)],
+        coverage_bits: [0, 0, 8, 16][random.index(4)],
     };
     let order = TileOrder::from_code(random.below(3) as u8).expect("there are three");
     let mut model = VoxelMap::new(dims, channels, order);
@@ -91,13 +119,13 @@ fn random_model(random: &mut Random) -> VoxelMap {
 #[test]
 fn levels_are_what_the_twin_gives_voxel_by_voxel() {
     let mut random = Random(77);
-    let mut deepest = 0;
+    let (mut deepest, mut hidden) = (0, 0);
     for _ in 0..120 {
         let model = random_model(&mut random);
         let lanes = 1 + random.below(3) as u8;
-        let (is_labels, wanted) = (random.below(3) == 0, random.below(16) as u8);
-        let description = if is_labels { LABELS } else { "{}" };
-        let bytes = with_levels(&model, lanes, Levels::Count(wanted), description, 1 + random.index(3));
+        let (description, wanted) = (random_description(&mut random), random.below(16) as u8);
+        let bytes = with_levels(&model, lanes, Levels::Count(wanted), &description, 1 + random.index(3));
+        let look = Look::new(&description, &model.facts.scales);
         let arena = Arena::new(&bytes).expect("opens");
         arena.check().unwrap_or_else(|fault| panic!("{fault}"));
         let (mut grid, mut channels, mut level) = (model.facts.grid.clone(), model.facts.channels, 0);
@@ -105,8 +133,10 @@ fn levels_are_what_the_twin_gives_voxel_by_voxel() {
             model.voxels.iter().map(|(&[z, y, x], &record)| ([x, y, z].map(u32::from), record)).collect();
         while let Some((coarse, factors)) = coarser_grid(&grid).filter(|_| level < wanted) {
             level += 1;
-            expected = coarser(&expected, channels, factors, is_labels);
-            (grid, channels.coverage_bits) = (coarse, 8);
+            let alike = coarser(&expected, channels, factors, &Look::default());
+            expected = coarser(&expected, channels, factors, &look);
+            hidden += u32::from(alike != expected);
+            (grid, channels) = (coarse, coarser_channels(channels));
             let found = arena.level(level).expect("it is there");
             let facts = found.facts();
             assert_eq!((&facts.grid, facts.channels), (&grid, channels), "level {level}");
@@ -133,6 +163,7 @@ fn levels_are_what_the_twin_gives_voxel_by_voxel() {
         }
     }
     assert!(deepest >= 9, "some grids have many levels: {deepest}");
+    assert!(hidden >= 40, "what lies behind others counts less in many levels: {hidden}");
 }
 
 #[test]
@@ -195,23 +226,58 @@ fn auto_ends_where_levels_are_of_no_use() {
     }
 }
 
+/// The coverage codes of level `number`, by z, y, x.
+fn coverages(arena: &Arena, number: u8) -> Vec<u16> {
+    let level = arena.level(number).expect("it is there");
+    let mut voxels: Vec<_> = voxels_of(&level, Axis::X).into_iter().collect();
+    voxels.sort_by_key(|&([x, y, z], _)| [z, y, x]);
+    voxels.into_iter().map(|(_, record)| record.coverage).collect()
+}
+
 #[test]
 fn a_solid_is_wholly_covered_but_for_its_end() {
     let bytes = with_levels(&cube(5, 1), 1, Levels::Count(MOST_LEVELS), "{}", 1);
     let arena = Arena::new(&bytes).expect("opens");
     assert_eq!(arena.level_count(), 3);
-    let level = arena.level(1).expect("it is there");
-    let lane = level.lane(Axis::X).expect("it is there");
-    let rows = LaneRows::new(lane, |_, _, record| Some(record));
-    let mut codes = Vec::new();
-    rows.read(Region::at([0; 3], [3; 3]), &mut |_, _, voxels| codes.extend(voxels.iter().map(|v| v.record.coverage)))
-        .expect("reads");
-    // 255, and the roots of a half, a quarter and an eighth of it.
-    let expected: Vec<u8> = (0..27u32)
-        .map(|at| [255, 180, 128, 90][[at % 3, at / 3 % 3, at / 9].iter().filter(|&&c| c == 2).count()])
+    // Beyond the end of an axis is nothing: the bits of its high points are not set.
+    let low_ends = [0x55, 0x33, 0x0f];
+    let expected: Vec<u16> = (0..27u32)
+        .map(|at| {
+            [at % 3, at / 3 % 3, at / 9].iter().zip(low_ends).filter(|(c, _)| **c == 2).fold(0xff, |m, e| m & e.1)
+        })
         .collect();
-    assert_eq!(codes, expected);
-    assert_eq!(Arena::new(&cube(5, 1).bytes(1)).expect("opens").lane(Axis::X).expect("x").coverage_code(0), 255);
+    assert_eq!(coverages(&arena, 1), expected);
+    // At the end of an axis lies a quarter of a block, three eighths before its middle. Roots of 1, 1/4, 1/16, 1/64 of 127.
+    let expected: Vec<u16> = (0..8u16)
+        .map(|at| {
+            let ends = [at & 1, at >> 1 & 1, at >> 2];
+            let places = (0..3).filter(|&a| ends[a] == 0).map(|a| 3 << (7 + 3 * a)).sum::<u16>();
+            [127, 64, 32, 16][ends.iter().sum::<u16>() as usize] | places
+        })
+        .collect();
+    assert_eq!(coverages(&arena, 2), expected);
+    let plain = cube(5, 1).bytes(1);
+    let lane = Arena::new(&plain).expect("opens").lane(Axis::X).expect("x");
+    assert_eq!((lane.coverage_code(0), lane.coverage(0)), (0, Coverage::WHOLE));
+}
+
+/// Of an opaque wall the voxels on its faces are seen, and no other: a picture shows their values.
+#[test]
+fn values_behind_others_do_not_darken_a_level() {
+    let channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0 };
+    let mut model = VoxelMap::new([8, 8, 4], channels, TileOrder::Morton);
+    model.facts.grid.spacing = [1.0; 3];
+    for (x, y, z) in (0..4).flat_map(|z| (0..8).flat_map(move |y| (0..8).map(move |x| (x, y, z)))) {
+        let value = if z == 0 || z == 3 { 200 } else { 100 };
+        model.put([x, y, z], Some(Record { value, ..Record::default() }));
+    }
+    let middle = |description: &str| {
+        let bytes = with_levels(&model, 1, Levels::Count(1), description, 1);
+        let level = Arena::new(&bytes).expect("opens").level(1).expect("it is there");
+        voxels_of(&level, Axis::X)[&[1, 1, 0]].value
+    };
+    assert_eq!(middle(r#"{"transfer_function":{"kind":"range","low":0,"opacity":1}}"#), 200);
+    assert_eq!(middle("{}"), 150);
 }
 
 #[test]

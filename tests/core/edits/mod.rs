@@ -25,6 +25,8 @@ use adjsplat::volume::{Axis, Grid};
 use adjsplat_tests::random::Random;
 use adjsplat_tests::scenes::{COVERED, LIT, PLAIN, WIDE};
 
+use crate::coarser::random_coverage;
+
 /// Some voxels by z, y, x, and how they are stored.
 #[derive(Clone)]
 struct VoxelMap {
@@ -126,8 +128,7 @@ impl RandomVoxels for Random {
             value: bits(self, channels.value_bits.into()) as u16,
             normal: bits(self, 2 * u32::from(channels.normal_bits)) as u32,
             magnitude: bits(self, channels.magnitude_bits.into()) as u8,
-            // Voxels have a coverage above 0.
-            coverage: if channels.coverage_bits == 0 { 0 } else { 1 + self.below(255) as u8 },
+            coverage: random_coverage(self, channels),
         }
     }
 
@@ -141,7 +142,8 @@ impl RandomVoxels for Random {
             }
             _ => {}
         }
-        let channels = [PLAIN, LIT, WIDE, COVERED][self.below(4) as usize];
+        let words = Channels { coverage_bits: 16, ..COVERED };
+        let channels = [PLAIN, LIT, WIDE, COVERED, words][self.below(5) as usize];
         let order = TileOrder::from_code(self.below(3) as u8).expect("there are three");
         let mut model = VoxelMap::new(dims, channels, order);
         let share = [0, 3, 40, 128, 256][self.below(5) as usize];

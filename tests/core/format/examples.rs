@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::sync::Once;
 
+use adjsplat::arena::layout::SectionKind;
 use adjsplat::arena::{Arena, LaneRows, Levels};
 use adjsplat::build::Unobserved;
 use adjsplat::file::{RowsOutput, arena_bytes, write_rows};
@@ -13,7 +14,7 @@ use sha2::{Digest, Sha256};
 
 use crate::format::assemble::{Parts, listing, pack, voxels_of};
 use crate::format::oracle;
-use crate::format::refused::refused;
+use crate::format::refused::{in_level, refused};
 use crate::format::scenes::scenes;
 
 pub(crate) fn folder() -> PathBuf {
@@ -198,6 +199,19 @@ fn levels_hold_their_scenes_in_every_lane() {
                 assert_eq!(voxels_of(&lane), voxels, "{} level {number}", scene.name);
             }
         }
+    }
+}
+
+/// How codes are averaged is the writer's choice: other values and normals are no fault, other coverages are.
+#[test]
+fn a_level_may_have_other_means() {
+    for kind in [SectionKind::Values, SectionKind::Normals] {
+        let file = in_level(2, |level| {
+            let codes = &mut level.section(kind, Axis::X).bytes;
+            codes[0] ^= 1;
+        });
+        let arena = Arena::new(&file).unwrap();
+        assert!(arena.check().is_ok() && oracle::sound(&arena), "{}", kind.name());
     }
 }
 

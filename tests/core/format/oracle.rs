@@ -5,7 +5,7 @@
 use adjsplat::arena::{Arena, Lane, LineEnds, Record};
 use adjsplat::volume::Axis;
 
-use crate::coarser::{Voxels, coarser, coarser_grid};
+use crate::coarser::{Look, Voxels, coarser, coarser_grid, is_coverage};
 use crate::format::mutants::is_whole;
 
 /// Whether the lanes and the levels of an arena that opened are sound.
@@ -21,17 +21,18 @@ fn lanes_agree(arena: &Arena) -> Option<Voxels> {
     lanes.into_iter().next().filter(|_| agree)
 }
 
-/// Whether each level is whole and sound, and has the voxels that follow from the level below.
-fn levels_follow(arena: &Arena, mut voxels: Voxels) -> bool {
-    let description = serde_json::from_slice(arena.description()).unwrap_or(serde_json::Value::Null);
-    let is_labels = description["transfer_function"]["kind"] == "labels";
+/// Whether each level is whole and sound, and has the places and the coverages that follow from the level below.
+fn levels_follow(arena: &Arena, mut below: Voxels) -> bool {
     let (mut grid, mut channels) = (arena.facts().grid.clone(), arena.facts().channels);
+    let places = |voxels: &Voxels| -> Vec<_> { voxels.iter().map(|(&at, record)| (at, record.coverage)).collect() };
     (1..=arena.level_count()).all(|number| {
         let level = arena.level(number).expect("it opened with the file");
-        let Some((coarse, factors)) = coarser_grid(&grid) else { return false };
-        voxels = coarser(&voxels, channels, factors, is_labels);
-        (grid, channels.coverage_bits) = (coarse, 8);
-        is_whole(level.bytes(), &level) && lanes_agree(&level).as_ref() == Some(&voxels)
+        let (Some((_, factors)), Some(voxels)) = (coarser_grid(&grid), lanes_agree(&level)) else { return false };
+        // The look decides on means alone.
+        let expected = coarser(&below, channels, factors, &Look::default());
+        let follows = places(&voxels) == places(&expected);
+        (grid, channels, below) = (level.facts().grid.clone(), level.facts().channels, voxels);
+        follows && is_whole(level.bytes(), &level)
     })
 }
 
@@ -80,7 +81,7 @@ fn voxels(lane: &Lane, arena: &Arena) -> Option<Voxels> {
                     let mut at = [0; 3];
                     (at[u_axis], at[v_axis], at[along]) = (u, v, coordinate);
                     coordinates.push(coordinate);
-                    let is_uncovered = lane.channels.coverage_bits > 0 && codes.coverage == 0;
+                    let is_uncovered = !is_coverage(codes.coverage, lane.channels);
                     if coordinate >= lane.dims[along] || is_uncovered || found.insert(at, codes).is_some() {
                         return None;
                     }

@@ -2,7 +2,7 @@
 
 use std::process::{Command, Output};
 
-use adjsplat::arena::{Arena, coverage_share};
+use adjsplat::arena::{Arena, Coverage};
 use adjsplat::classify::MagnitudeCodec;
 use adjsplat::classify::normal::{decode8, decode16};
 use adjsplat::volume::Axis;
@@ -69,7 +69,8 @@ fn the_python_reader_sees_every_level_as_the_library_does() {
 
 #[test]
 fn the_python_reader_decodes_codes_as_the_library_does() {
-    let names = ["all-channels.adj", "bytes-and-normals.adj", "magnitudes-only.adj", "coverage.adj"];
+    let names =
+        ["all-channels.adj", "bytes-and-normals.adj", "magnitudes-only.adj", "coverage.adj", "coverage-words.adj"];
     let Some(output) = read_adj(&[&["--decoded", "--lane", "x"], &names[..]].concat()) else { return };
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let got = String::from_utf8(output.stdout).unwrap();
@@ -89,8 +90,10 @@ fn the_python_reader_decodes_codes_as_the_library_does() {
             let expected = at.map(f64::from).into_iter().chain([value]).chain(normal.map(f64::from));
             let magnitude = magnitudes.decode(record.magnitude);
             let numbers = rows.next().expect("a row a voxel").split(' ').map(|number| number.parse::<f64>().unwrap());
-            let share = (scene.channels.coverage_bits > 0).then(|| coverage_share(record.coverage));
-            let expected: Vec<f64> = expected.chain([magnitude]).chain(share).collect();
+            let Coverage { share, offset } = Coverage::of_code(record.coverage, scene.channels);
+            let coverage = [[share, offset[0], offset[1], offset[2]]].into_iter().flatten().map(f64::from);
+            let has_coverages = scene.channels.coverage_bits > 0;
+            let expected: Vec<f64> = expected.chain([magnitude]).chain(coverage.filter(|_| has_coverages)).collect();
             let numbers: Vec<f64> = numbers.collect();
             assert_eq!(numbers.len(), expected.len());
             for (got, expected) in numbers.into_iter().zip(expected) {
@@ -139,6 +142,12 @@ fn the_python_reader_refuses_what_it_cannot_read() {
         ("R24", "x-level-origin.adj"),
         ("R24", "x-level-scale.adj"),
         ("R24", "x-level-uncovered.adj"),
+        ("R24", "x-level-1-words.adj"),
+        ("R24", "x-level-2-masks.adj"),
+        ("R11", "x-coverage-wide.adj"),
+        ("R11", "x-coverage-two-widths.adj"),
+        ("R11", "x-coverage-half-a-word.adj"),
+        ("R11", "x-coverage-too-few.adj"),
         ("R24", "x-level-description.adj"),
     ];
     let Some(output) = read_adj(&refused.map(|(_, name)| name)) else { return };

@@ -37,13 +37,23 @@ fn level_of(base: &str, number: u16) -> Vec<u8> {
 }
 
 /// The example of levels with one of them changed, offsets and checksums right.
-fn in_level(number: u16, change: impl FnOnce(&mut Parts)) -> Vec<u8> {
+pub(crate) fn in_level(number: u16, change: impl FnOnce(&mut Parts)) -> Vec<u8> {
     rebuilt("levels.adj", |parts| {
         let level = parts.level(number);
         let mut inner = Parts::of_file(&level.bytes);
         change(&mut inner);
         level.bytes = inner.file();
     })
+}
+
+/// Gives a lane coverages of another width, all of them sound.
+fn recover(parts: &mut Parts, element_bytes: u8) {
+    let records = parts.section(SectionKind::Steps, Axis::X).bytes.clone();
+    let coverages = parts.section(SectionKind::Coverage, Axis::X);
+    let code = if element_bytes == 1 { &[0xff][..] } else { &[0xff, 0x6d][..] };
+    coverages.element_bytes = element_bytes;
+    coverages.bytes =
+        records.iter().flat_map(|&step| code.iter().map(move |&byte| if step == 0 { 0 } else { byte })).collect();
 }
 
 /// The worked example with another description.
@@ -191,8 +201,26 @@ pub(crate) fn refused() -> Vec<(&'static str, Vec<u8>)> {
         ("x-description-surrogate.adj", described("{\"a\":\"\\ud800\"}")),
         ("x-description-bom.adj", described("\u{feff}{}")),
         ("x-coverage-lacking.adj", rebuilt("coverage.adj", |p| p.sections.retain(|s| s.kind != 0x8010 || s.axis == 0))),
-        ("x-coverage-wide.adj", rebuilt("coverage.adj", |p| p.section(Coverage, x).element_bytes = 2)),
+        ("x-coverage-wide.adj", rebuilt("coverage.adj", |p| p.section(Coverage, x).element_bytes = 4)),
+        ("x-coverage-zero-wide.adj", rebuilt("coverage.adj", |p| p.section(Coverage, x).element_bytes = 0)),
+        ("x-coverage-two-widths.adj", rebuilt("coverage.adj", |p| recover(p, 2))),
+        ("x-coverage-half-a-word.adj", rebuilt("coverage-words.adj", |p| _ = p.section(Coverage, x).bytes.pop())),
+        ("x-coverage-too-few.adj", {
+            rebuilt("coverage-words.adj", |p| {
+                p.sections.iter_mut().filter(|s| s.kind == 0x8010).for_each(|s| s.element_bytes = 1)
+            })
+        }),
         ("x-coverage-none.adj", rebuilt("coverage.adj", |p| p.section(Coverage, x).bytes[3] = 0)),
+        ("x-coverage-word-none.adj", rebuilt("coverage-words.adj", |p| p.section(Coverage, x).bytes[6] &= 0x80)),
+        (
+            "x-coverage-offset-x.adj",
+            rebuilt("coverage-words.adj", |p| {
+                let bytes = &mut p.section(Coverage, x).bytes;
+                (bytes[6], bytes[7]) = (bytes[6] | 0x80, bytes[7] | 0x03);
+            }),
+        ),
+        ("x-coverage-offset-y.adj", rebuilt("coverage-words.adj", |p| p.section(Coverage, x).bytes[7] |= 0x1c)),
+        ("x-coverage-offset-z.adj", rebuilt("coverage-words.adj", |p| p.section(Coverage, x).bytes[7] |= 0xe0)),
         ("x-coverage-differs.adj", rebuilt("coverage.adj", |p| p.section(Coverage, Axis::Y).bytes[3] ^= 1)),
         ("x-level-axis.adj", rebuilt(levels, |p| p.level(2).axis = 0)),
         ("x-level-elements.adj", rebuilt(levels, |p| p.level(2).element_bytes = 2)),
@@ -245,11 +273,28 @@ pub(crate) fn refused() -> Vec<(&'static str, Vec<u8>)> {
             })
         }),
         ("x-level-step.adj", in_level(3, |p| p.section(Steps, x).bytes[0] = 200)),
-        ("x-level-coverage-none.adj", in_level(3, |p| p.section(Coverage, x).bytes[0] = 0)),
-        ("x-level-value.adj", in_level(3, |p| p.section(Values, x).bytes[0] ^= 1)),
-        ("x-level-coverage.adj", in_level(1, |p| p.section(Coverage, x).bytes[0] ^= 1)),
-        ("x-level-normal.adj", in_level(1, |p| p.section(SectionKind::Normals, x).bytes[0] ^= 1)),
-        // The same voxels; another function decides whether values are labels.
-        ("x-level-labels.adj", rebuilt("levels-labels.adj", |p| p.sections[0].bytes = b"{}".to_vec())),
+        ("x-level-1-words.adj", in_level(1, |p| recover(p, 2))),
+        ("x-level-2-masks.adj", in_level(2, |p| recover(p, 1))),
+        ("x-level-coverage-none.adj", in_level(1, |p| p.section(Coverage, x).bytes[0] = 0)),
+        ("x-level-coverage-offset.adj", in_level(3, |p| p.section(Coverage, x).bytes[1] |= 0xe0)),
+        // Codes that voxels may have, but not these.
+        ("x-level-coverage.adj", in_level(1, |p| p.section(Coverage, x).bytes[0] ^= 0xff)),
+        ("x-level-share.adj", in_level(2, |p| p.section(Coverage, x).bytes[0] ^= 1)),
+        (
+            "x-level-offset.adj",
+            in_level(2, |p| {
+                // One place farther along z.
+                let high = &mut p.section(Coverage, x).bytes[1];
+                *high = if *high < 0xc0 { *high + 0x20 } else { *high - 0x20 };
+            }),
+        ),
+        (
+            "x-level-coverages-swapped.adj",
+            in_level(1, |p| {
+                let bytes = &mut p.section(Coverage, x).bytes;
+                let other = (1..bytes.len()).find(|&i| bytes[i] != 0 && bytes[i] != bytes[0]).unwrap();
+                bytes.swap(0, other);
+            }),
+        ),
     ]
 }

@@ -6,7 +6,7 @@ use adjsplat::arena::{Channels, TileOrder};
 use adjsplat::volume::Grid;
 use adjsplat_tests::random::Random;
 
-use crate::coarser::{coarser, coarser_grid};
+use crate::coarser::{Look, coarser, coarser_channels, coarser_grid, random_coverage};
 use crate::format::assemble::{Part, Voxel};
 
 /// One valid file.
@@ -45,23 +45,19 @@ impl Scene {
         }
     }
 
-    /// Whether its values are labels.
-    fn is_labels(&self) -> bool {
-        self.description.as_ref().is_some_and(|text| text.contains(r#""kind":"labels""#))
-    }
-
     /// The scene of each level, level 1 first.
     pub(crate) fn of_levels(&self) -> Vec<Scene> {
         let mut scenes: Vec<Scene> = Vec::new();
+        let look = Look::new(self.description.as_deref().unwrap_or_default(), &self.facts().scales);
         for _ in 0..self.levels {
             let below = scenes.last().unwrap_or(self);
             let (grid, factors) = coarser_grid(&below.facts().grid).expect("the example's grid has so many levels");
             let voxels = below.voxels.iter().map(|&(at, record)| (at.map(u32::from), record)).collect();
-            let voxels = coarser(&voxels, below.channels, factors, self.is_labels());
+            let voxels = coarser(&voxels, below.channels, factors, &look);
             let narrow = |at: [u32; 3]| at.map(|c| u16::try_from(c).unwrap());
             scenes.push(Scene {
                 dims: grid.dims,
-                channels: Channels { coverage_bits: 8, ..self.channels },
+                channels: coarser_channels(below.channels),
                 voxels: voxels.into_iter().map(|(at, record)| (narrow(at), record)).collect(),
                 description: Some("{}".to_owned()),
                 extra: Vec::new(),
@@ -107,7 +103,7 @@ fn scattered(seed: u64, dims: [u32; 3], channels: Channels, count: usize) -> Vec
         let normal = u32::try_from(code(2 * channels.normal_bits)).unwrap();
         let magnitude = u8::try_from(code(channels.magnitude_bits)).unwrap();
         if voxels.iter().all(|voxel| voxel.0 != at) {
-            let coverage = u8::try_from(if channels.coverage_bits == 0 { 0 } else { 1 + random.below(255) }).unwrap();
+            let coverage = random_coverage(&mut random, channels);
             voxels.push((at, Record { value, normal, magnitude, coverage }));
         }
     }
@@ -118,6 +114,10 @@ fn scattered(seed: u64, dims: [u32; 3], channels: Channels, count: usize) -> Vec
 fn numbered(places: &[[u16; 3]]) -> Vec<Voxel> {
     (1..).zip(places).map(|(value, &at)| (at, Record { value, normal: 0, magnitude: 0, coverage: 0 })).collect()
 }
+
+/// Labels of which the one of code 2 hides some of what lies behind it.
+const LABELS_SHOWN: &str =
+    r##"{"transfer_function":{"kind":"labels","labels":[{"label":101,"name":"a","colour":"#ff8000","opacity":0.6}]}}"##;
 
 /// Every valid example.
 pub(crate) fn scenes() -> Vec<Scene> {
@@ -147,6 +147,7 @@ pub(crate) fn scenes() -> Vec<Scene> {
     let wide = channels(16, 16, 8);
     let narrow = channels(8, 8, 0);
     let covered = Channels { coverage_bits: 8, ..channels(8, 0, 0) };
+    let words = Channels { coverage_bits: 16, ..covered };
     let few_labels = scattered(11, [8, 4, 4], covered, 70)
         .into_iter()
         .map(|(at, record)| (at, Record { value: record.value % 3 + 1, ..record }))
@@ -182,8 +183,9 @@ pub(crate) fn scenes() -> Vec<Scene> {
             extra: vec![Part { kind: 0x8123, axis: 255, element_bytes: 3, bytes: b"abcdef".to_vec() }],
             ..scene("later-minor.adj", [4, 4, 4], bytes, 1, scattered(6, [4, 4, 4], bytes, 9))
         },
-        // A level of detail by itself: voxels that are partly visible.
+        // A level of detail by itself: voxels that are partly visible, by masks as level 1 has and by words as others have.
         Scene { minor: 1, ..scene("coverage.adj", [9, 8, 7], covered, 2, scattered(8, [9, 8, 7], covered, 50)) },
+        Scene { minor: 1, ..scene("coverage-words.adj", [9, 8, 7], words, 2, scattered(12, [9, 8, 7], words, 50)) },
         // Coarser levels. Of an axis with a small spacing more points become one; an odd number of points has a last block
         // that is not whole.
         Scene {
@@ -194,13 +196,14 @@ pub(crate) fn scenes() -> Vec<Scene> {
         Scene {
             minor: 1,
             levels: 2,
+            description: Some(r#"{"transfer_function":{"kind":"range","low":0,"opacity":0.7}}"#.to_owned()),
             ..scene("levels-lanes.adj", [9, 5, 4], wide, 3, scattered(10, [9, 5, 4], wide, 60))
         },
-        // Labels are not averaged. The level below has coverages too.
+        // Labels are not averaged. The file itself has coverages: so level 1 has words.
         Scene {
             minor: 1,
             levels: 2,
-            description: Some(r#"{"transfer_function":{"kind":"labels","labels":[]}}"#.to_owned()),
+            description: Some(LABELS_SHOWN.to_owned()),
             ..scene("levels-labels.adj", [8, 4, 4], covered, 1, few_labels)
         },
     ]
