@@ -8,6 +8,7 @@ mod golden;
 mod hidden;
 mod inside;
 mod lattice;
+mod levels;
 mod low_pass;
 mod maximum;
 mod metrics;

@@ -1,0 +1,162 @@
+//! Pictures of levels of detail, beside those of the voxels themselves.
+
+use adjsplat::{Build, Model};
+use adjsplat::internals::{LevelPart, level_parts};
+use adjsplat::splat::{Camera, Code, Frame, Lanes, Mode, Projection, Quality, Settings};
+use adjsplat::volume::SampleType;
+use adjsplat_tests::pictures::decibels;
+use adjsplat_tests::scenes::{options, phantom, red_to_blue};
+
+/// A phantom with so many levels, whose voxels are all as opaque as `opacity`.
+fn model(name: &str, dims: [u64; 3], spacing: [f64; 3], levels: u8, opacity: f64) -> Model {
+    let options = options(red_to_blue(name, [opacity; 2]));
+    let mut source = phantom(name, dims, SampleType::U8, spacing);
+    Build::new(options).with_levels(levels).run(&mut *source).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// A camera that looks at the middle of the grid from a direction in degrees.
+fn camera(model: &Model, [azimuth, elevation]: [f64; 2], distance: f64, projection: Projection) -> Camera {
+    let grid = model.grid();
+    let centre = [0, 1, 2].map(|a| grid.origin[a] + grid.spacing[a] * f64::from(grid.dims[a] - 1) / 2.0);
+    let ((sin, cos), (rise, level)) = (azimuth.to_radians().sin_cos(), elevation.to_radians().sin_cos());
+    let toward = [sin * level, -cos * level, rise];
+    let eye = [0, 1, 2].map(|a| centre[a] + distance * toward[a]);
+    let up = if elevation == 90.0 { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] };
+    Camera::new(eye, centre, up, projection).unwrap()
+}
+
+/// A parallel view with `pixels` a voxel of spacing 1.
+fn parallel(model: &Model, view: [f64; 2], pixels: f64, size: [u32; 2]) -> Camera {
+    camera(model, view, 1000.0, Projection::Parallel { height: f64::from(size[1]) / pixels })
+}
+
+const VIEWS: [[f64; 2]; 4] = [[0.0, 0.0], [35.0, 20.0], [90.0, 0.0], [0.0, 90.0]];
+
+/// Pixels with no sample above this are empty.
+const EMPTY: f64 = 1.0 / 255.0;
+
+fn draw(model: &Model, camera: &Camera, settings: &Settings) -> Frame {
+    model.render(camera, settings).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The voxels themselves, with several samples a pixel, filtered by a Gaussian.
+fn truth(model: &Model, camera: &Camera, settings: &Settings) -> Frame {
+    let mut settings = settings.clone().with_level(0);
+    settings.quality = Quality::High;
+    draw(model, camera, &settings)
+}
+
+#[test]
+fn the_plain_twin_and_all_machine_code_draw_the_same_bits_of_a_level() {
+    let size = [46, 40];
+    for spacing in [[1.0; 3], [1.0, 1.0, 2.2]] {
+        let model = model("gyroid", [48, 40, 44], spacing, 3, 0.6);
+        assert_eq!(model.levels().len(), 3);
+        for level in 1..=3 {
+            for quality in [Quality::Draft, Quality::Standard, Quality::High] {
+                for projection in [Projection::Parallel { height: 90.0 }, Projection::Perspective { fov: 50.0 }] {
+                    let camera = camera(&model, [35.0, 20.0], 75.0, projection);
+                    let mut settings = Settings::new(size).with_level(level).with_threads(1);
+                    settings.quality = quality;
+                    let frame = draw(&model, &camera, &settings);
+                    let what = format!("{spacing:?} level {level} {quality:?} {projection:?}");
+                    assert!(frame.pixels().iter().any(|sample| *sample > 0.1), "{what} shows nothing");
+                    for code in [Code::Plain, Code::Portable, Code::Avx2] {
+                        assert!(frame == draw(&model, &camera, &settings.clone().with_code(code)), "{what} {code:?}");
+                    }
+                    for threads in [2, 3, 7] {
+                        let settings = settings.clone().with_threads(threads);
+                        assert!(frame == draw(&model, &camera, &settings), "{what}, {threads} threads");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn levels_leave_the_bits_of_pictures_whose_voxels_are_pixels_alone() {
+    let with = model("shells", [40, 36, 38], [1.0; 3], 2, 0.8);
+    let without = model("shells", [40, 36, 38], [1.0; 3], 0, 0.8);
+    let size = [60, 52];
+    for quality in Quality::ALL {
+        for pixels in [1.0, 1.7] {
+            for view in VIEWS {
+                let mut settings = Settings::new(size);
+                settings.quality = quality;
+                let camera = parallel(&with, view, pixels, size);
+                assert!(draw(&with, &camera, &settings) == draw(&without, &camera, &settings), "{quality:?} {view:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn pictures_of_small_voxels_are_drawn_from_levels_and_are_near_the_truth() {
+    // The docs say 38 and 30 dB where one colour is on both sides of a wall (docs/studies/levels.md).
+    for (name, pixels, quality, least) in [
+        ("shells", 0.25, Quality::Standard, 36.0),
+        ("gyroid", 0.25, Quality::Standard, 36.0),
+        ("vessels", 0.25, Quality::Standard, 36.0),
+        ("shells", 0.25, Quality::Draft, 29.0),
+        ("gyroid", 0.25, Quality::Draft, 24.0),
+    ] {
+        let model = model(name, [128; 3], [1.0; 3], 3, 0.8);
+        let size = [64, 60];
+        for view in VIEWS {
+            let mut settings = Settings::new(size);
+            settings.quality = quality;
+            let camera = parallel(&model, view, pixels, size);
+            let parts = level_parts(&model.scene(), &camera, &settings).unwrap();
+            assert!(matches!(parts[..], [LevelPart { level: 1.., .. }]), "{name} {view:?}: {parts:?}");
+            let db = decibels(&draw(&model, &camera, &settings), &truth(&model, &camera, &settings), EMPTY);
+            assert!(db > least, "{name} {quality:?} {view:?}: {db:.1} dB");
+        }
+    }
+}
+
+#[test]
+fn a_perspective_with_several_levels_has_no_seam() {
+    let model = model("gyroid", [64, 400, 64], [1.0; 3], 3, 0.8);
+    let (grid, size) = (model.grid(), [72, 72]);
+    let middle = [0, 1, 2].map(|a| f64::from(grid.dims[a] - 1) / 2.0);
+    let eye = [middle[0] + 0.3, -1.0, middle[2] + 0.4];
+    let camera = Camera::new(eye, middle, [0.0, 0.0, 1.0], Projection::Perspective { fov: 50.0 }).unwrap();
+    let mut settings = Settings::new(size);
+    settings.quality = Quality::Draft;
+    let parts = level_parts(&model.scene(), &camera, &settings).unwrap();
+    assert!(parts.len() >= 3, "{parts:?}");
+    // Each slice of the voxels is in one part, and parts with finer levels are nearer.
+    assert!(parts.is_sorted_by_key(|part| part.level), "{parts:?}");
+    let frame = draw(&model, &camera, &settings);
+    let db = decibels(&frame, &truth(&model, &camera, &settings), EMPTY);
+    assert!(db > 40.0, "{db:.1} dB");
+    assert!(frame == draw(&model, &camera, &settings.clone().with_code(Code::Plain)), "the plain twin draws other bits");
+}
+
+#[test]
+fn modes_whose_pictures_levels_would_change_draw_the_voxels() {
+    let model = model("shells", [64; 3], [1.0; 3], 2, 0.8);
+    let size = [16, 16];
+    let camera = parallel(&model, [35.0, 20.0], 0.2, size);
+    for mode in [Mode::Maximum, Mode::MaximumGrey, Mode::Additive] {
+        let mut settings = Settings::new(size);
+        settings.mode = mode;
+        let parts = level_parts(&model.scene(), &camera, &settings).unwrap();
+        assert!(matches!(parts[..], [LevelPart { level: 0, crop: None }]), "{mode:?}");
+    }
+    let error = model.render(&camera, &Settings::new(size).with_level(3)).unwrap_err().to_string();
+    assert!(error.contains("level: is 3, but the file has levels 0 to 2"), "{error}");
+}
+
+#[test]
+fn a_crop_of_whole_blocks_cuts_a_level_where_it_cuts_the_voxels() {
+    let model = model("shells", [96; 3], [1.0; 3], 2, 0.8);
+    let size = [48, 48];
+    let camera = parallel(&model, [35.0, 20.0], 0.25, size);
+    let crop = adjsplat::traverse::VoxelBox { low: [8, 40, 0], high: [71, 95, 63] };
+    let mut settings = Settings::new(size);
+    settings.crop = Some(crop);
+    let db = decibels(&draw(&model, &camera, &settings), &truth(&model, &camera, &settings), EMPTY);
+    assert!(db > 34.0, "{db:.1} dB");
+}
