@@ -45,7 +45,7 @@ pub(crate) fn is_coverage(code: u16, channels: Channels) -> bool {
     match channels.coverage_bits {
         0 => true,
         8 => code > 0,
-        _ => code % 128 > 0 && [7, 10, 13].into_iter().all(|at| code >> at & 7 < 7),
+        _ => code & 127 > 0 && [7, 10, 13].into_iter().all(|at| code >> at & 7 < 7),
     }
 }
 
@@ -79,7 +79,9 @@ impl Look {
     fn seen_through(&self, record: &Record, channels: Channels) -> i128 {
         let Some((function, scales)) = &self.function else { return 255 };
         let clear = 1.0 - stored_opacity(function, scales, record.value, f64::MAX);
-        let hidden = 255 - (255.0 * clear * clear).round() as i128;
+        // The nearest whole number, upwards from the middle.
+        let clear = (0..=255u8).rev().find(|&part| f64::from(part) - 0.5 <= 255.0 * clear * clear).unwrap();
+        let hidden = 255 - i128::from(clear);
         let Covered { share, whole, .. } = Covered::new(record, channels);
         255 - hidden * share / whole
     }
@@ -172,9 +174,9 @@ fn word(block: &[Member], factors: [u32; 3]) -> u16 {
     // Square of twice the root, times 127: at least that of the code less a half.
     let fits = |code: &i128| (2 * code - 1).pow(2) * points <= 4 * 127 * 127 * sum;
     let mut word = (1..=127).rev().find(fits).unwrap_or(1);
-    for a in 0..3 {
+    for (a, factor) in factors.into_iter().enumerate() {
         // Eighths of the coarser spacing, times twice the sum of shares.
-        let eighths = |member: &Member| match factors[a] {
+        let eighths = |member: &Member| match factor {
             2 => member.covered.share * if member.at[2 - a] == 1 { 4 } else { -4 } + member.covered.moment[a],
             _ => 2 * member.covered.moment[a],
         };

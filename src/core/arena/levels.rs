@@ -319,7 +319,7 @@ impl CoarserRows<'_> {
             for (place, row) in rows.iter_mut().enumerate() {
                 while let Some((voxel, rest)) = row.split_first().filter(|(voxel, _)| voxel.x >> shift == x) {
                     let high = usize::from(voxel.x & u16::from(self.factors[0] == 2));
-                    let (up, back) = (place as u32 & 1, place as u32 >> 1);
+                    let [up, back] = [place & 1, place >> 1].map(|end| u32::from(end == 1));
                     let seen = clearness.seen([voxel.x.into(), low[1] + up, low[2] + back]);
                     block.add(high + 2 * place, &voxel.record, channels, seen);
                     *row = rest;
@@ -363,10 +363,11 @@ impl Block {
             _ => [7, 10, 13].map(|at| weight.cast_signed() * ((code >> at & 7).min(6).cast_signed() - 3)),
         };
         self.mask |= 1 << place;
-        for a in 0..3 {
+        let sums = self.ends.iter_mut().zip(&mut self.moments).zip(offsets);
+        for (a, ((ends, moment), offset)) in sums.enumerate() {
             let is_high = place >> a & 1 == 1;
-            self.ends[a] += if is_high { weight.cast_signed() } else { -weight.cast_signed() };
-            self.moments[a] += offsets[a];
+            *ends += if is_high { weight.cast_signed() } else { -weight.cast_signed() };
+            *moment += offset;
         }
         let seen = weight * seen;
         self.voxels[self.count] = (seen, *record);
