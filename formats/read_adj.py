@@ -3,21 +3,26 @@
 
 As a module:
     arena = Arena(open("head.adj", "rb").read())
-    voxels = arena.voxels("x")        # arrays x, y, z, value, normal, magnitude: codes
+    voxels = arena.voxels("x")        # arrays x, y, z, value, normal, magnitude, coverage: codes
     arena.values(voxels.value)        # in the sample's unit
     arena.normals(voxels.normal)      # unit vectors along the grid's axes, n x 3; zeros for "no normal"
     arena.magnitudes(voxels.magnitude)
+    arena.shares(voxels.coverage)     # how much of each voxel is visible, 0 to 1; coverage is None where all are whole
+    arena.levels                      # coarser levels of detail, level 1 first: arenas too
 
 As a program:
     read_adj.py FILE...                 what each lane holds
-    read_adj.py --list FILE...          a line a voxel, by z, y, x: x y z value normal magnitude
-    read_adj.py --decoded FILE...       the same with what codes mean: x y z value nx ny nz magnitude
+    read_adj.py --list FILE...          a line a voxel, by z, y, x: x y z value normal magnitude, and the coverage if
+                                        the file stores any
+    read_adj.py --decoded FILE...       the same with what codes mean: x y z value nx ny nz magnitude share
     read_adj.py --csv OUT FILE          the voxels of the x lane as text; --npz OUT as numpy arrays
     --lane x|y|z                        that lane only
+    --level N                           that level of detail instead of the file's own voxels
 
-It checks what rules R1, R2, R4 to R7, R10 and R11 ask of header and section table, that tiles lie in their order (R13)
-and line ends in the channels (R16), and the description (R22). It reads no checksum and judges nothing else: a damaged
-file gives a message or wrong voxels. Exit code 2 if a file is refused.
+It checks what rules R1, R2, R4 to R7, R10, R11 and R23 ask of header and section table, the same of each level and that
+it fits the level below (R24), that tiles lie in their order (R13) and line ends in the channels (R16), and the description
+(R22). It reads no checksum and judges nothing else: a damaged file gives a message or wrong voxels. Exit code 2 if a file
+is refused.
 """
 
 import argparse
@@ -29,12 +34,17 @@ from collections import namedtuple
 
 import numpy as np
 
-Voxels = namedtuple("Voxels", "x y z value normal magnitude")
+Voxels = namedtuple("Voxels", "x y z value normal magnitude coverage")
 Section = namedtuple("Section", "kind axis element_bytes offset bytes xxh3")
 
 MAGIC = b"\x89ADJ\r\n\x1a\n"
 DESCRIPTION, TILES, LINE_ENDS, STEPS, VALUES, NORMALS, MAGNITUDES = range(1, 8)
-NAMES = ["", "description", "tiles", "line ends", "steps", "values", "normals", "magnitudes"]
+COVERAGES = 0x8010
+LEVELS = range(0x8001, 0x8010)
+NAMES = {
+    DESCRIPTION: "description", TILES: "tiles", LINE_ENDS: "line ends", STEPS: "steps", VALUES: "values",
+    NORMALS: "normals", MAGNITUDES: "magnitudes", COVERAGES: "coverages",
+}
 ORDERS = ["morton", "hilbert", "rows"]
 TILE = np.dtype([
     ("tile_u", "<u2"), ("tile_v", "<u2"), ("first_line", "<u4"), ("first_record", "<u8"),
@@ -52,7 +62,7 @@ def require(holds, rule, what):
 
 
 class Arena:
-    """An opened file: `dims`, `spacing`, `origin`, `direction`, `description`, `lanes` and what the methods give."""
+    """An opened file: `dims`, `spacing`, `origin`, `direction`, `description`, `lanes`, `levels` and what methods give."""
 
     def __init__(self, content):
         self.content = content
@@ -76,6 +86,7 @@ class Arena:
         self.tile_order = ORDERS[order]
         self._check_grid()
         self._read_table(count)
+        self._open_levels()
 
     def _check_grid(self):
         require(min(self.dims) > 0, "R6", f"dimensions {self.dims}")
@@ -89,6 +100,8 @@ class Arena:
     def _read_table(self, count):
         require(count <= 1024 and 256 + 32 * count <= len(self.content), "R5", f"a table of {count} sections")
         self.sections, self._parts, end = [], {}, 256 + 32 * count
+        kinds = [struct.unpack_from("<H", self.content, 256 + 32 * index)[0] for index in range(count)]
+        self.coverage_bits = 8 if COVERAGES in kinds else 0
         for index in range(count):
             kind, axis, element, _, offset, length, xxh3 = struct.unpack_from("<HBBIQQQ", self.content, 256 + 32 * index)
             require(0 < kind < 8 or kind >= 0x8000, "R10", f"section kind {kind} is unknown")
@@ -96,7 +109,13 @@ class Arena:
             end = offset + length
             require(end <= len(self.content), "R5", f"section {index} ends at byte {end}")
             self.sections.append(Section(kind, axis, element, offset, length, xxh3))
-            if kind >= 0x8000:
+            if kind in LEVELS:
+                require(axis == 255, "R10", f"a level on axis {axis}")
+                require(element == 1, "R11", f"a level in elements of {element} bytes")
+                lanes_before = any(section.axis < 3 for section in self.sections[:-1])
+                require(not lanes_before, "R23", "a level after a lane")
+                continue
+            if kind >= 0x8000 and kind != COVERAGES:
                 continue
             wanted = self._element_bytes(kind, axis)
             require(element == wanted, "R11", f"{NAMES[kind]} in elements of {element} bytes")
@@ -108,13 +127,48 @@ class Arena:
         self.description = None if text is None else description_of(text)
         self.lanes = "".join(name for axis, name in enumerate("xyz") if (TILES, axis) in self._parts)
         require(self.lanes in ("x", "xy", "xyz"), "R10", f"lanes '{self.lanes}'")
+        numbers = [section.kind for section in self.sections if section.kind in LEVELS]
+        require(numbers == list(reversed(LEVELS[:len(numbers)])), "R23", "levels that are not N to 1")
         for axis in range(len(self.lanes)):
-            for kind in range(LINE_ENDS, MAGNITUDES + 1):
+            for kind in (LINE_ENDS, STEPS, VALUES, NORMALS, MAGNITUDES, COVERAGES):
                 width = self._element_bytes(kind, axis, or_zero=True)
                 require(width == 0 or (kind, axis) in self._parts, "R10", f"no {NAMES[kind]} in lane {'xyz'[axis]}")
                 if width and kind > STEPS:
                     records = len(self._parts[kind, axis]) // width
                     require(records == len(self._parts[STEPS, axis]), "R11", f"{records} {NAMES[kind]}")
+
+    def _open_levels(self):
+        self.levels, below = [], self
+        for section in reversed([section for section in self.sections if section.kind in LEVELS]):
+            level = Arena(self.content[section.offset:section.offset + section.bytes])
+            coarser = below.coarser_grid()
+            require(coarser is not None, "R24", "a level of a grid that has no coarser one")
+            require(level.dims == coarser[0], "R24", f"dimensions {level.dims} of a level")
+            same = all((a == b).all() for a, b in zip((level.spacing, level.origin), coarser[1:]))
+            same = same and (level.direction == below.direction).all()
+            require(same, "R24", "a level whose points lie elsewhere")
+            for name in ("value_bits", "normal_bits", "magnitude_bits", "tile_order", "value_low", "value_step",
+                         "magnitude_scale", "lanes"):
+                require(getattr(level, name) == getattr(below, name), "R24", f"another {name} in a level")
+            require(level.coverage_bits == 8, "R24", "a level without coverages")
+            is_plain = level._parts.get((DESCRIPTION, 255)) == b"{}" and not level.levels
+            require(is_plain, "R24", "a level with a description or with levels")
+            self.levels.append(level)
+            below = level
+
+    def coarser_grid(self):
+        """Points, spacing and origin of the level above; None if there is none."""
+        long = [axis for axis in range(3) if self.dims[axis] > 1]
+        if not long:
+            return None
+        smallest = min(self.spacing[axis] for axis in long)
+        dims, spacing, origin = list(self.dims), self.spacing.copy(), self.origin.copy()
+        for axis in long:
+            if self.spacing[axis] < np.sqrt(2.0) * smallest:
+                dims[axis] = -(-dims[axis] // 2)
+                spacing[axis] *= 2
+                origin += 0.5 * self.spacing[axis] * self.direction[axis]
+        return tuple(dims), spacing, origin
 
     def _element_bytes(self, kind, axis, or_zero=False):
         require((axis == 255) if kind == DESCRIPTION else axis < 3, "R10", f"{NAMES[kind]} on axis {axis}")
@@ -124,7 +178,10 @@ class Arena:
             return 28
         if kind == LINE_ENDS:
             return 2 if self.dims[axis] <= 1023 else 4
-        width = {VALUES: self.value_bits // 8, NORMALS: self.normal_bits // 4, MAGNITUDES: self.magnitude_bits // 8}[kind]
+        width = {
+            VALUES: self.value_bits // 8, NORMALS: self.normal_bits // 4, MAGNITUDES: self.magnitude_bits // 8,
+            COVERAGES: self.coverage_bits // 8,
+        }[kind]
         require(or_zero or width > 0, "R10", f"{NAMES[kind]}, which the header says there are none of")
         return width
 
@@ -170,7 +227,8 @@ class Arena:
         place[u_axis] = line_u[line_of_record][kept]
         place[v_axis] = line_v[line_of_record][kept]
         codes = [self._codes(kind, axis, len(steps))[kept] for kind in (VALUES, NORMALS, MAGNITUDES)]
-        return Voxels(*place, *codes)
+        coverage = self._codes(COVERAGES, axis, len(steps))[kept] if self.coverage_bits else None
+        return Voxels(*place, *codes, coverage)
 
     def _codes(self, kind, axis, records):
         width = self._element_bytes(kind, axis, or_zero=True)
@@ -185,6 +243,10 @@ class Arena:
     def magnitudes(self, codes):
         """Magnitude codes as gradient magnitudes, per world length."""
         return np.where(codes == 0, 0.0, self.magnitude_scale * 2.0 ** ((codes - 255) / 16))
+
+    def shares(self, codes):
+        """Coverage codes as the shares of voxels that are visible."""
+        return (codes / 255) ** 2
 
     def normals(self, codes):
         """Normal codes as unit vectors along the grid's axes (times `direction`: world); zeros where there is none."""
@@ -247,23 +309,30 @@ def tile_keys(order, u, v):
     return key
 
 
+def stored(voxels):
+    """The arrays by name, without those that the file does not store."""
+    return {name: codes for name, codes in voxels._asdict().items() if codes is not None}
+
+
 def sorted_rows(voxels):
     """Voxels as rows by z, then y, then x."""
     order = np.lexsort((voxels.x, voxels.y, voxels.z))
-    return np.stack(voxels, axis=-1)[order]
+    return np.stack(list(stored(voxels).values()), axis=-1)[order]
 
 
 def decoded_rows(arena, rows):
-    """Rows of x, y, z, value, the normal's three components, magnitude."""
-    place, (value, normal, magnitude) = rows[:, :3], rows[:, 3:].T
+    """Rows of x, y, z, value, the normal's three components, magnitude, and the share if there are coverages."""
+    place, (value, normal, magnitude, *coverage) = rows[:, :3], rows[:, 3:].T
     normals = arena.normals(normal) if arena.normal_bits else np.zeros((len(rows), 3))
-    return np.column_stack([place, arena.values(value), normals, arena.magnitudes(magnitude)])
+    shares = [arena.shares(codes) for codes in coverage]
+    return np.column_stack([place, arena.values(value), normals, arena.magnitudes(magnitude), *shares])
 
 
 def main():
     parser = argparse.ArgumentParser(description="Read .adj files.")
     parser.add_argument("files", nargs="+", metavar="FILE")
     parser.add_argument("--lane", choices=list("xyz"))
+    parser.add_argument("--level", type=int, default=0)
     parser.add_argument("--list", action="store_true", help="a line a voxel")
     parser.add_argument("--decoded", action="store_true", help="a line a voxel, with what codes mean")
     parser.add_argument("--csv", metavar="OUT")
@@ -274,6 +343,9 @@ def main():
         try:
             with open(name, "rb") as file:
                 arena = Arena(file.read())
+            if arguments.level:
+                require(0 < arguments.level <= len(arena.levels), "R23", f"no level {arguments.level}")
+                arena = arena.levels[arguments.level - 1]
             for lane in arguments.lane or arena.lanes:
                 require(lane in arena.lanes, "R10", f"no lane {lane}")
                 show(arena, name, lane, arguments)
@@ -294,9 +366,9 @@ def show(arena, name, lane, arguments):
         for row in decoded_rows(arena, sorted_rows(voxels)).tolist():
             print(*row)
     elif arguments.csv:
-        np.savetxt(arguments.csv, sorted_rows(voxels), "%d", ",", header=",".join(Voxels._fields), comments="")
+        np.savetxt(arguments.csv, sorted_rows(voxels), "%d", ",", header=",".join(stored(voxels)), comments="")
     elif arguments.npz:
-        np.savez_compressed(arguments.npz, **voxels._asdict())
+        np.savez_compressed(arguments.npz, **stored(voxels))
     else:
         records, stepping = arena.records(lane)
         dims = "x".join(map(str, arena.dims))

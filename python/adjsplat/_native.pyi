@@ -47,6 +47,7 @@ class Packing(Protocol):
     lanes: int
     value_bits: int | None
     normal_bits: int | None
+    levels: int | str
     memory: int | None
     threads: int | None
 
@@ -178,10 +179,10 @@ def save_edited(
     model: Model,
     out: str,
     steps: Sequence[Step],
-    memory: int | None,
-    threads: int | None,
+    levels: int | str,
+    resources: tuple[int | None, int | None],
     progress: Callable[[str, int, int], Any] | None,
-) -> Model: ...
+) -> tuple[Model, int]: ...
 def export(
     model: Model, out: str, fill: float | None, progress: Callable[[str, int, int], Any] | None
 ) -> tuple[int, int, str | None, float | None, float, list[str]]: ...

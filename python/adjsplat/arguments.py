@@ -54,6 +54,21 @@ def byte_count(memory: int | str | None, name: str = "memory") -> int | None:
     return memory
 
 
+def level_count(levels: int | str | None) -> int | str:
+    """Returns a number of coarser levels of detail, or "auto".
+
+    >>> level_count(None), level_count(3), level_count("auto")
+    (0, 3, 'auto')
+    """
+    if levels is None or levels == "none":
+        return 0
+    if levels == "auto":
+        return "auto"
+    if isinstance(levels, str) or not 0 <= (count := whole("levels", levels)) <= 15:
+        raise ValueError(f'levels are {levels!r}, but must be 0 to 15 or "auto"')
+    return count
+
+
 def thread_count(threads: int | None) -> int | None:
     """Returns a number of threads from 1 to 1024, or None for all processors."""
     if threads is None:

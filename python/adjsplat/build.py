@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from . import _native
-from .arguments import byte_count, output_path, text, thread_count, whole
+from .arguments import byte_count, level_count, output_path, text, thread_count, whole
 from .arrays import Slices, is_array
 from .convert import TURNED
 from .data_array import placed
@@ -73,7 +73,15 @@ class Reading:
 class Packing:
     """What is stored, and what a build may use, checked."""
 
-    def __init__(self, lanes: str, value_bits: int | None, normal_bits: int | None, memory: Any, threads: int | None):
+    def __init__(
+        self,
+        lanes: str,
+        value_bits: int | None,
+        normal_bits: int | None,
+        memory: Any,
+        threads: int | None,
+        levels: int | str | None = None,
+    ):
         if lanes not in ("x", "xy", "xyz"):
             raise ValueError(f'lanes are "{lanes}", but must be x, xy or xyz')
         self.lanes = len(lanes)
@@ -83,6 +91,7 @@ class Packing:
             raise ValueError(f"value_bits are {value_bits}, but must be 8 or 16")
         if self.normal_bits not in (None, 0, 8, 16):
             raise ValueError(f"normal_bits are {normal_bits}, but must be 0, 8 or 16")
+        self.levels = level_count(levels)
         self.memory, self.threads = byte_count(memory), thread_count(threads)
 
 
@@ -101,6 +110,7 @@ def build(
     lanes: str = "xyz",
     value_bits: int | None = None,
     normal_bits: int | None = None,
+    levels: int | str | None = None,
     memory: int | str | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -135,7 +145,8 @@ def build(
     after row, whose columns are the axes) as in SimpleITK. `frame` says in which world `origin` and `direction` are: "RAS"
     (NIfTI) or "LPS" (SimpleITK, DICOM).
 
-    What is stored: `lanes` ("x", "xy", "xyz"), `value_bits` (8 or 16) and `normal_bits` (0, 8 or 16).
+    What is stored: `lanes` ("x", "xy", "xyz"), `value_bits` (8 or 16) and `normal_bits` (0, 8 or 16); `levels`, a number of
+    coarser levels of detail besides, or "auto".
 
     `memory` bounds the bytes of the process (or "256MiB") while a file is written; `threads` defaults to all processors.
     The result depends on neither. `progress(phase, done, total)` is called about twenty times a second; what it raises
@@ -169,7 +180,7 @@ def build(
         for note in notes:
             warnings.warn(note, BuildWarning, stacklevel=2)
     place = Place(spacing, origin, direction, frame, unit)
-    packing = Packing(lanes, value_bits, normal_bits, memory, threads)
+    packing = Packing(lanes, value_bits, normal_bits, memory, threads, levels)
     if is_array(volume):
         of_files = (
             shape,

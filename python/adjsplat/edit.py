@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import warnings
 from typing import Any
 
 import numpy as np
 
 from . import _native
-from .arguments import byte_count, output_path, thread_count
-from .build import Progress
+from .arguments import byte_count, level_count, output_path, thread_count
+from .build import BuildWarning, Progress
 from .model import Model, with_look_of
 
 #: Voxels whose places in a mask are looked up at once.
@@ -74,18 +75,27 @@ class Edit:
         self,
         path: str | os.PathLike[str],
         *,
+        levels: int | str | None = None,
         memory: int | str | None = None,
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> Model:
         """Writes the edited voxels to the file `path`, whole or not at all, and opens it; arguments are those of `build`.
 
+        Levels of detail are made if `levels` asks for them, as in `build`. Those of the model's file are of the voxels
+        before the edit: they are left out, with a `BuildWarning`.
+
         The file keeps the transfer function that the model's file has; the model that is returned is drawn with that of
         this model. Raises `ValueError` if no voxel is left.
         """
         path = output_path(path)
         native = self._model._open
-        saved = _native.save_edited(native, path, self._steps, byte_count(memory), thread_count(threads), progress)
+        wanted = level_count(levels)
+        resources = byte_count(memory), thread_count(threads)
+        saved, left_out = _native.save_edited(native, path, self._steps, wanted, resources, progress)
+        if left_out and levels is None:
+            note = f"the {left_out} levels of detail of the file are left out; levels={left_out} makes them anew"
+            warnings.warn(note, BuildWarning, stacklevel=2)
         return with_look_of(Model(saved, path), self._model)
 
     def _visible_in(self, mask: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use adjsplat::arena::Levels;
 use adjsplat::build::{BuildOptions, Histogram, SampleSummary, Suggestion};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::SlabSource;
@@ -21,14 +22,34 @@ pub(crate) struct Packing {
     lanes: u8,
     value_bits: Option<u8>,
     normal_bits: Option<u8>,
+    levels: Wanted,
     memory: Option<u64>,
     threads: Option<usize>,
+}
+
+/// Which coarser levels of detail are made: a number of them, or as many as are of use.
+#[derive(FromPyObject)]
+pub(crate) enum Wanted {
+    Count(u8),
+    Auto(#[allow(dead_code, reason = "the only word is auto")] String),
+}
+
+impl Wanted {
+    pub(crate) fn levels(&self) -> Levels {
+        match self {
+            Wanted::Count(count) => Levels::Count(*count),
+            Wanted::Auto(_) => Levels::Auto,
+        }
+    }
 }
 
 impl Packing {
     /// Returns the options of a build of what `transfer` shows.
     pub(crate) fn options(&self, transfer: TransferFunction) -> BuildOptions {
-        let options = BuildOptions::new(transfer).with_lane_count(self.lanes).with_value_bits(self.value_bits);
+        let options = BuildOptions::new(transfer)
+            .with_lane_count(self.lanes)
+            .with_value_bits(self.value_bits)
+            .with_levels(self.levels.levels());
         match self.normal_bits {
             Some(bits) => options.with_normal_bits(bits),
             None => options,

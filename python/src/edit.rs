@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use adjsplat::arena::layout::{Channels, Facts};
-use adjsplat::arena::{LaneSet, Levels, Overlay, Record};
+use adjsplat::arena::{LaneSet, Overlay, Record};
 use adjsplat::classify::{MagnitudeCodec, normal};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{RowsOutput, write_rows};
@@ -13,7 +13,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
-use crate::build::threads_or_all;
+use crate::build::{Wanted, threads_or_all};
 use crate::model::Model;
 use crate::watch::{Raised, Watch};
 
@@ -70,20 +70,23 @@ impl Step<'_> {
     }
 }
 
-/// Applies `steps` in their order to the voxels of `model`, and writes the file `out`.
+/// Applies `steps` in their order to the voxels of `model`, and writes the file `out`. Returns also how many levels of detail
+/// of the model's file were left out.
 #[pyfunction]
 pub(crate) fn save_edited(
     py: Python<'_>,
     model: &Model,
     out: PathBuf,
     steps: Vec<Step<'_>>,
-    memory: Option<u64>,
-    threads: Option<usize>,
+    levels: Wanted,
+    resources: (Option<u64>, Option<usize>),
     progress: Option<Py<PyAny>>,
-) -> PyResult<Model> {
+) -> PyResult<(Model, u8)> {
+    let (levels, (memory, threads)) = (levels.levels(), resources);
     let changes = steps.iter().map(Step::change).collect::<PyResult<Vec<Change>>>()?;
     let threads = threads_or_all(threads)?;
     let arena = model.arena()?;
+    let left_out = if levels.is_none() { arena.level_count() } else { 0 };
     let raised = Raised::default();
     let mut watch = Watch::new(progress, raised.clone());
     let saved = py.detach(|| {
@@ -99,12 +102,11 @@ pub(crate) fn save_edited(
             apply(&mut overlay, &facts, change, &mut counts)?;
         }
         let description = description(lanes.arena().description(), facts.visible_voxels, &counts);
-        let output =
-            RowsOutput { facts, description: &description, lane_count, memory, threads, levels: Levels::default() };
+        let output = RowsOutput { facts, description: &description, lane_count, memory, threads, levels };
         write_rows(&out, &overlay.rows()?, &output, &mut watch)?;
         adjsplat::Model::open(&out)
     });
-    raised.or(saved).map(Model)
+    raised.or(saved).map(|saved| (Model(saved), left_out))
 }
 
 fn apply(overlay: &mut Overlay<'_>, facts: &Facts, change: Change, counts: &mut Counts) -> Result<()> {

@@ -1,5 +1,7 @@
 """Edits, judged by the same edits of a dense array."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -120,3 +122,32 @@ def test_wrong_edits_raise_and_leave_nothing(model, tmp_path, edit, error):
     with pytest.raises(error):
         edit(model.edit()).save(tmp_path / "g.adj")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_levels_of_detail_are_made_and_those_of_before_an_edit_are_left_out(tmp_path):
+    def levels(model):
+        return sum(kind.startswith("level") for kind in _section_kinds(model.path))
+
+    data = np.full((16, 16, 16), 200, np.uint8)
+    f = adj.build(data, tmp_path / "a.adj", visible=(100, None), levels=3)
+    assert levels(f) == 3
+    with pytest.warns(adj.BuildWarning, match="3 levels of detail"):
+        g = f.edit().remove([[0, 0, 0]]).save(tmp_path / "b.adj")
+    assert levels(g) == 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert levels(f.edit().remove([[0, 0, 0]]).save(tmp_path / "c.adj", levels=2)) == 2
+        assert levels(f.edit().remove([[0, 0, 0]]).save(tmp_path / "d.adj", levels=0)) == 0
+        assert levels(adj.build(data, tmp_path / "e.adj", visible=(100, None), levels="auto")) == 0
+    for wrong in (16, -1, "many"):
+        with pytest.raises(ValueError, match="levels"):
+            adj.build(data, visible=(100, None), levels=wrong)
+
+
+def _section_kinds(path):
+    """What the sections of a file hold: "level 2", else a number."""
+    with open(path, "rb") as file:
+        head = file.read(256 + 32 * 64)
+    count = int.from_bytes(head[12:16], "little")
+    kinds = [int.from_bytes(head[256 + 32 * at :][:2], "little") for at in range(count)]
+    return [f"level {kind - 0x8000}" if 0x8000 < kind < 0x8010 else str(kind) for kind in kinds]

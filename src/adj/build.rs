@@ -19,7 +19,7 @@ use adjsplat::arena::{Levels, TileOrder};
 use adjsplat::build::{BuildOptions, Classified, Resources, SampleSummary, classify};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
-use adjsplat::file::{RowsOutput, check_writable, open_rows, scratch_folder, write_rows};
+use adjsplat::file::{AdjFile, RowsOutput, check_writable, open_rows, scratch_folder, write_rows};
 use adjsplat::internals::Budget;
 use adjsplat::internals::description;
 use adjsplat::volume::{Header, SlabSource};
@@ -190,6 +190,26 @@ impl Arguments {
     }
 }
 
+/// Returns how many levels of detail the written file has, and their bytes; `None` if `wanted` is none or the output is no file
+/// that can be read again, as a pipe.
+pub(super) fn stored_levels(wanted: Levels, path: &Path) -> Option<(u8, u64)> {
+    let file = (!wanted.is_none()).then(|| AdjFile::open(path).ok()).flatten()?;
+    let arena = file.arena().ok()?;
+    let bytes =
+        (1..=arena.level_count()).filter_map(|level| arena.level(level)).map(|level| level.bytes().len() as u64);
+    Some((arena.level_count(), bytes.sum()))
+}
+
+/// Prints how many levels of detail were made, if any were wanted.
+pub(super) fn say_levels(wanted: Levels, path: &Path) {
+    match stored_levels(wanted, path) {
+        None => {}
+        Some((0, _)) => print_result("coarser levels of detail are of no use to these voxels: there are none"),
+        Some((1, bytes)) => print_result(&format!("1 coarser level of detail takes {} of it", HumanBytes(bytes))),
+        Some((n, bytes)) => print_result(&format!("{n} coarser levels of detail take {} of it", HumanBytes(bytes))),
+    }
+}
+
 /// Prints what memory and disk the build will take, before it starts.
 fn say_need(budget: &Budget, header: &Header) {
     let memory = HumanBytes(budget.need);
@@ -298,6 +318,7 @@ fn report(
             "not_finite": findings.not_finite,
             "value_bits": facts.channels.value_bits,
             "rounding": findings.rounding,
+            "levels": stored_levels(arguments.levels, path).map_or(0, |(count, _)| count),
             "peak_rss_bytes": peak_rss_bytes(),
             "seconds": seconds,
         });
@@ -321,4 +342,5 @@ fn report(
     if let Some(culled) = culled {
         print_result(&culled.line());
     }
+    say_levels(arguments.levels, path);
 }

@@ -12,7 +12,8 @@ use super::input::{Input, InputArguments};
 use super::progress::Progress;
 use super::study::output::{check_plots, write_plots};
 use super::{Answer, print_result, starts_as_adj};
-use adjsplat::arena::layout::Facts;
+use adjsplat::arena::Arena;
+use adjsplat::arena::layout::{Facts, SectionEntry};
 use adjsplat::build::{Histogram, Suggestion};
 use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
@@ -145,13 +146,14 @@ fn of_arena(path: &Path) -> Result<Value> {
         .iter()
         .map(|section| {
             json!({
-                "kind": section.known_kind().map_or("unknown", |kind| kind.name()),
+                "kind": kind_of(section),
                 "axis": section.lane_axis().map(Axis::name),
                 "offset": section.offset.get(),
                 "bytes": section.bytes.get(),
             })
         })
         .collect();
+    let levels = levels(&arena);
     // The description is for people: a file whose description cannot be read is still valid.
     let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
     Ok(json!({
@@ -166,6 +168,7 @@ fn of_arena(path: &Path) -> Result<Value> {
         "stepping_voxels": arena.lanes().map(|lane| lane.stepping_voxels()).sum::<u64>(),
         "lanes": lanes,
         "sections": sections,
+        "levels": levels,
         "channels": channels(facts),
         "value_rounding": description["values"]["rounding"],
         "tile_order": facts.tile_order.name(),
@@ -178,6 +181,31 @@ fn of_arena(path: &Path) -> Result<Value> {
     }))
 }
 
+/// Returns what a section holds.
+fn kind_of(section: &SectionEntry) -> String {
+    match (section.known_kind(), section.level()) {
+        (Some(kind), _) => kind.name().to_owned(),
+        (None, Some(level)) => format!("level {level}"),
+        (None, None) => "unknown".to_owned(),
+    }
+}
+
+/// Returns the coarser levels of detail, with their part of the file.
+fn levels(arena: &Arena) -> Vec<Value> {
+    let levels = (1..=arena.level_count()).filter_map(|number| Some((number, arena.level(number)?)));
+    levels
+        .map(|(number, level)| {
+            json!({
+                "level": number,
+                "dims": level.facts().grid.dims,
+                "visible_voxels": level.facts().visible_voxels,
+                "bytes": level.bytes().len(),
+                "share_of_file": level.bytes().len() as f64 / arena.bytes().len() as f64,
+            })
+        })
+        .collect()
+}
+
 fn channels(facts: &Facts) -> Value {
     json!({
         "value_bits": facts.channels.value_bits,
@@ -185,6 +213,7 @@ fn channels(facts: &Facts) -> Value {
         "value_step": facts.scales.value_step,
         "normal_bits": facts.channels.normal_bits,
         "magnitude_bits": facts.channels.magnitude_bits,
+        "coverage_bits": facts.channels.coverage_bits,
         "magnitude_scale": facts.scales.magnitude_scale,
         "record_bytes": facts.channels.record_bytes(),
     })

@@ -9,14 +9,15 @@ use serde_json::json;
 use super::progress::Progress;
 use super::resources::ResourceArguments;
 use super::values::{Choice, choice, number};
-use super::{Answer, print_result};
+use super::{Answer, print_note, print_result};
 use adjsplat::collection::{Partition, split};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::AdjFile;
 
 /// Split an .adj file into a collection: a folder of bricks, each an .adj file of its own
 ///
-/// adj join makes the same file from it again, byte for byte. The volume is not needed.
+/// adj join makes the same file from it again, byte for byte, but for coarser levels of detail, which bricks do not hold: make
+/// them again with adj trim --levels. The volume is not needed.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj split head.adj -o head.adjs --slab 64\n  adj split head.adj -o head.adjs --brick 128x128x128"
@@ -103,6 +104,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let arena = file.arena()?;
     if !arguments.no_verify {
         arena.check().map_err(|fault| Error::Format { path: arguments.input.clone(), fault })?;
+    }
+    if arena.level_count() > 0 && !arguments.quiet {
+        print_note("note: bricks hold no levels of detail; those of the file are left out");
     }
     let boxes = |size| Partition::into_boxes(arena.facts().grid.dims, size);
     let partitions = arguments.cuts.sizes().into_iter().map(boxes).collect::<Result<Vec<_>>>()?;

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::build::{LANES, TILE_ORDERS, check_replaceable};
+use super::build::{LANES, TILE_ORDERS, check_replaceable, say_levels, stored_levels};
 use super::classification::ClassificationArguments;
 use super::info::is_adj;
 use super::progress::Progress;
@@ -24,12 +24,12 @@ use adjsplat::traverse::VoxelBox;
 
 /// Make a smaller .adj file from an .adj file: crop it, show fewer voxels, or store less of each
 ///
-/// The volume is not needed. Voxels that stay are not changed. The output may be the input, which is then replaced once
+/// The volume is not needed. Voxels that stay are not changed. Levels of detail are made again from them. The output may be the input, which is then replaced once
 /// the new file is complete. The input is checked first, as by adj verify. It is mapped: its pages are not counted as
 /// memory, because the system can take them back.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  adj trim head.adj -o nose.adj --crop 100..180,150..,..\n  adj trim head.adj -o bone.adj --range 300..\n  adj trim head.adj -o small.adj --lanes x --drop normals\n  adj trim head.adj -o head.adj --order hilbert      (in place)"
+    after_help = "Examples:\n  adj trim head.adj -o nose.adj --crop 100..180,150..,..\n  adj trim head.adj -o bone.adj --range 300..\n  adj trim head.adj -o small.adj --lanes x --drop normals\n  adj trim head.adj -o head.adj --order hilbert      (in place)\n  adj trim head.adj -o head.adj --levels auto        (adds coarser levels of detail)"
 )]
 pub(super) struct Arguments {
     /// The .adj file
@@ -138,7 +138,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         levels,
     };
     let (facts, bytes) = write_rows(&arguments.output, &*left.rows, &output, &mut Progress::new(arguments.quiet))?;
-    report(arguments, &arena, &facts, bytes, start.elapsed().as_secs_f64());
+    report(arguments, &arena, &facts, bytes, start.elapsed().as_secs_f64(), levels);
     Ok(Answer::Yes)
 }
 
@@ -215,7 +215,7 @@ fn description(
     description.to_string()
 }
 
-fn report(arguments: &Arguments, arena: &Arena, facts: &Facts, bytes: u64, seconds: f64) {
+fn report(arguments: &Arguments, arena: &Arena, facts: &Facts, bytes: u64, seconds: f64, levels: Levels) {
     let path = arguments.output.display();
     let (visible, before) = (facts.visible_voxels, arena.facts().visible_voxels);
     let bytes_before = arena.bytes().len() as u64;
@@ -230,6 +230,7 @@ fn report(arguments: &Arguments, arena: &Arena, facts: &Facts, bytes: u64, secon
                 "bytes_total": bytes,
                 "bytes_before": bytes_before,
                 "bytes_per_visible_voxel": per_voxel,
+                "levels": stored_levels(levels, &arguments.output).map_or(0, |(count, _)| count),
                 "seconds": seconds,
             })
             .to_string(),
@@ -244,4 +245,5 @@ fn report(arguments: &Arguments, arena: &Arena, facts: &Facts, bytes: u64, secon
         indicatif::HumanBytes(bytes),
         indicatif::HumanBytes(bytes_before),
     ));
+    say_levels(levels, &arguments.output);
 }

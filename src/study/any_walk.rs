@@ -8,6 +8,7 @@ use crate::trace::{Trace, Untraced, WalkerArray};
 
 /// A structure that can be walked.
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "a study holds a few of them")]
 pub enum AnyWalk<'a> {
     /// Our own lanes, of which each access can be traced.
     Own(OwnWalk<'a>),

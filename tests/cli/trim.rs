@@ -185,13 +185,15 @@ fn a_full_disk_leaves_the_old_file() {
     std::fs::create_dir(folder.file("disk")).expect("new");
     folder.adj("build phantom:gyroid --dims 64x64x64 -o a.adj").done();
     let old = "\"$0\" build phantom:corners --dims 9x9x9 -o disk/out.adj >/dev/null";
-    let trim = "\"$0\" trim a.adj -o disk/out.adj";
-    let script = format!(
-        "mount -t tmpfs -o size=64k tmpfs disk; {old}; {trim}; echo $?; ls -A disk; \"$0\" verify disk/out.adj"
-    );
-    let Some(ran) = in_private_mounts(&script, folder.path()) else { return };
-    assert!(ran.stdout.starts_with("2\nout.adj\ndisk/out.adj: sound"), "{} {}", ran.stdout, ran.stderr);
-    assert!(ran.stderr.contains("No space left") && ran.stderr.lines().count() == 1, "{}", ran.stderr);
+    for levels in ["", "--levels 2"] {
+        let trim = format!("\"$0\" trim a.adj -o disk/out.adj {levels}");
+        let script = format!(
+            "mount -t tmpfs -o size=64k tmpfs disk; {old}; {trim}; echo $?; ls -A disk; \"$0\" verify disk/out.adj"
+        );
+        let Some(ran) = in_private_mounts(&script, folder.path()) else { return };
+        assert!(ran.stdout.starts_with("2\nout.adj\ndisk/out.adj: sound"), "{levels}: {} {}", ran.stdout, ran.stderr);
+        assert!(ran.stderr.contains("No space left") && ran.stderr.lines().count() == 1, "{levels}: {}", ran.stderr);
+    }
 }
 
 #[test]
@@ -219,4 +221,96 @@ fn cutting_open_a_file_without_hidden_voxels_is_told() {
     let ran = folder.adj("trim h.adj -o b.adj --lanes x");
     assert!(ran.code == Some(0) && ran.stderr.is_empty(), "{}", ran.stderr);
     assert_eq!(info(&folder, "b.adj")["description"]["hidden_voxels"]["removed"], 9);
+}
+
+/// A solid of 48 x 40 x 44 voxels.
+fn solid(folder: &Folder, name: &str, flags: &str) {
+    folder.write("solid.raw", &[200; 48 * 40 * 44]);
+    folder.adj(&format!("build solid.raw --dims 48x40x44 --type u8 --range 100.. {flags} -o {name}")).done();
+}
+
+#[test]
+fn levels_are_added_replaced_and_dropped_without_the_volume() {
+    let folder = Folder::new();
+    solid(&folder, "plain.adj", "");
+    solid(&folder, "built.adj", "--levels 3");
+    assert_eq!(info(&folder, "plain.adj")["levels"], json!([]));
+    folder.adj("trim plain.adj -o added.adj --levels 3").done();
+    // Apart from what is said of the trim, it is the file that is built so.
+    assert_eq!(lanes(&bytes(&folder, "added.adj")), lanes(&bytes(&folder, "built.adj")));
+    let levels = |name: &str| -> Vec<Vec<u8>> {
+        let bytes = bytes(&folder, name);
+        let arena = Arena::new(&bytes).expect("opens");
+        (1..=arena.level_count()).map(|level| arena.level(level).expect("it is there").bytes().to_vec()).collect()
+    };
+    assert_eq!(levels("added.adj"), levels("built.adj"));
+    let told = info(&folder, "added.adj");
+    assert_eq!(told["levels"][1]["dims"], json!([12, 10, 11]));
+    assert_eq!(told["levels"][1]["visible_voxels"], 12 * 10 * 11);
+    let bytes_of = told["levels"][2]["bytes"].as_u64().expect("a number");
+    assert_eq!(told["levels"][2]["share_of_file"], bytes_of as f64 / told["bytes_total"].as_f64().expect("a number"));
+    assert_eq!(told["sections"][1]["kind"], "level 3");
+    let text = folder.adj("info added.adj").done();
+    assert!(text.contains("levels:\n  bytes ") || text.contains("levels:\n  level 1, dims 24 20 22, "), "{text}");
+    // As many as before by default; another number, or none.
+    let told = folder.adj("trim added.adj -o crop.adj --crop 0..20,..,.. --json").json();
+    assert_eq!(told["levels"], 3);
+    assert_eq!(info(&folder, "crop.adj")["levels"][0]["dims"], json!([11, 20, 22]));
+    folder.adj("trim added.adj -o one.adj --levels 1").done();
+    assert_eq!(levels("one.adj"), levels("built.adj")[..1]);
+    let told = folder.adj("trim added.adj -o auto.adj --levels auto").done();
+    assert!(told.contains("coarser levels of detail are of no use"), "{told}");
+    folder.adj("trim added.adj -o none.adj --levels none").done();
+    assert!(levels("none.adj").is_empty() && levels("auto.adj").is_empty());
+    assert_eq!(lanes(&bytes(&folder, "none.adj")), lanes(&bytes(&folder, "plain.adj")));
+    for wrong in ["16", "-1", "all"] {
+        refused(&folder, &format!("plain.adj -o x.adj --levels={wrong}"), &["--levels", "auto, none, or 0 to 15"]);
+    }
+}
+
+#[test]
+fn levels_go_with_every_way_to_build() {
+    let folder = Folder::new();
+    let told = folder.adj("build phantom:shells --dims 96x96x96 --levels auto -o a.adj").done();
+    assert!(
+        told.contains("coarser level of detail takes ") || told.contains("coarser levels of detail take "),
+        "{told}"
+    );
+    let levels = info(&folder, "a.adj")["levels"].as_array().map(Vec::len);
+    assert_eq!(levels, Some(1));
+    folder.adj("build phantom:shells --dims 96x96x96 --levels 2 --threads 1 -o b.adj").done();
+    folder.adj("build phantom:shells --dims 96x96x96 --levels 2 --threads 3 --memory 64MiB -o c.adj").done();
+    assert!(bytes(&folder, "b.adj") == bytes(&folder, "c.adj"));
+    let told = folder.adj("build phantom:shells --dims 96x96x96 --levels 2 --cull-hidden -o d.adj --json").json();
+    assert_eq!((&told["levels"], info(&folder, "d.adj")["levels"].as_array().map(Vec::len)), (&2.into(), Some(2)));
+}
+
+#[test]
+fn damage_in_a_level_is_found_with_its_byte() {
+    let folder = Folder::new();
+    solid(&folder, "a.adj", "--levels 2");
+    let mut damaged = bytes(&folder, "a.adj");
+    let offset = {
+        let arena = Arena::new(&damaged).expect("opens");
+        let section = arena.sections().iter().find(|section| section.level() == Some(2)).expect("it is there");
+        usize::try_from(section.offset.get()).expect("small")
+    };
+    damaged[offset + 1_000] ^= 1;
+    folder.write("b.adj", &damaged);
+    let ran = folder.adj("verify b.adj");
+    assert_eq!(ran.code, Some(1), "{}", ran.stderr);
+    assert!(ran.stdout.contains(&format!("byte {offset}")) && ran.stdout.contains("level 2"), "{}", ran.stdout);
+    refused(&folder, "b.adj -o c.adj", &["b.adj", "level 2"]);
+}
+
+#[test]
+fn bricks_hold_no_levels_and_say_so() {
+    let folder = Folder::new();
+    solid(&folder, "plain.adj", "");
+    solid(&folder, "a.adj", "--levels 2");
+    let ran = folder.adj("split a.adj -o a.adjs --slab 16");
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    assert!(ran.stderr.contains("bricks hold no levels of detail"), "{}", ran.stderr);
+    folder.adj("join a.adjs -o b.adj").done();
+    assert!(bytes(&folder, "b.adj") == bytes(&folder, "plain.adj"));
 }

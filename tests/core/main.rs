@@ -3,6 +3,7 @@
 mod build;
 mod classify;
 mod classify_fields;
+mod coarser;
 mod collection;
 mod directory;
 mod edits;

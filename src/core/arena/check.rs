@@ -24,14 +24,14 @@ use std::ops::Range;
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
+use super::coverage::Coverage;
 use super::lane::{Lane, STEPPING};
 use super::lane_rows::LaneRows;
 use super::layout::{Channels, Facts, FileHeader, SectionEntry, SectionKind, TILE_EDGE, TileRecord, line_end_bytes};
-use super::levels::{CoarserRows, coarser, holds_labels};
+use super::levels::{CoarserRows, LevelLook, coarser};
 use super::open::{Arena, fault, zeros_from};
-use super::pack::Record;
 use super::pager::tell;
-use super::rows::{Region, Rows as _, Voxel};
+use super::rows::{Region, Rows, Voxel};
 use crate::error::FormatFault;
 use crate::limits::MAX_DESCRIPTION_BYTES;
 use crate::volume::Axis;
@@ -74,16 +74,15 @@ impl Arena<'_> {
     /// # Errors
     /// The first broken rule, with its byte offset in the file.
     pub fn check(&self) -> Result<Checked, FormatFault> {
-        let (checked, _) = self.check_voxels()?;
-        let is_labels = holds_labels(self.description());
+        let checked = self.check_voxels()?;
         let mut below = self.clone();
         for number in 1..=self.level_count() {
             let section = self.level_section(number).zip(self.level(number));
             let (section, level) = section.expect("the levels were opened with the file");
             let at = section.offset.get();
-            let (_, sum) = level.check_voxels().map_err(|fault| fault.moved(at))?;
-            if sum != coarser_sum(&below, is_labels, level.fingerprint()) {
-                let expected = format!("level {number} as level {} gives it", number - 1);
+            level.check_voxels().map_err(|fault| fault.moved(at))?;
+            if coverage_sum(&rows_of(&level), level.fingerprint()) != coarser_sum(&below, level.fingerprint()) {
+                let expected = format!("voxels and coverages of level {number} as level {} gives them", number - 1);
                 return Err(fault(at, "R26", expected, "another: make the levels again with adj trim --levels"));
             }
             below = level;
@@ -91,8 +90,8 @@ impl Arena<'_> {
         Ok(checked)
     }
 
-    /// Checks all rules but those of levels. Returns the counts, and the sum of the voxels' hashes.
-    fn check_voxels(&self) -> Result<(Checked, u64), FormatFault> {
+    /// Checks all rules but those of levels. Returns the counts.
+    fn check_voxels(&self) -> Result<Checked, FormatFault> {
         check_sections(self)?;
         let mut checked = Checked {
             bytes: self.bytes().len() as u64,
@@ -115,7 +114,7 @@ impl Arena<'_> {
             }
             checked.lanes.push(counts);
         }
-        Ok((checked, sum_of_x.unwrap_or(0)))
+        Ok(checked)
     }
 }
 
@@ -238,21 +237,28 @@ fn section_offset(arena: &Arena, kind: SectionKind, axis: Axis) -> u64 {
     arena.section(kind, Some(axis)).map_or(0, |section| section.offset.get())
 }
 
-/// Returns the sum of the hashes, keyed by `fingerprint`, of the voxels of the level above `below`, which is sound.
-fn coarser_sum(below: &Arena, is_labels: bool, fingerprint: u64) -> u64 {
-    let (lane, factors) = below.lane(Axis::X).zip(coarser(&below.facts().grid)).map_or_else(
-        || unreachable!("R24 holds: the level below has a lane along x and a coarser grid"),
-        |(lane, (_, factors))| (lane, factors),
-    );
-    let below = LaneRows::new(lane, |_, _, record| Some(record));
-    let rows = CoarserRows::new(&below, factors, is_labels, 1);
-    let hash = VoxelHash::new(fingerprint);
+/// Returns the voxels of an arena that is sound.
+fn rows_of<'a>(arena: &Arena<'a>) -> impl Rows + use<'a> {
+    let lane = arena.lane(Axis::X).expect("by R10 every arena that opens has the lane along x");
+    LaneRows::new(lane, |_, _, record| Some(record))
+}
+
+/// Returns the sum of hashes, keyed by `key`, of the places and coverages of the level above `below`, which is sound.
+fn coarser_sum(below: &Arena, key: u64) -> u64 {
+    let factors = coarser(&below.facts().grid).map(|(_, factors)| factors);
+    let factors = factors.unwrap_or_else(|| unreachable!("R24 holds: the level below has a coarser grid"));
+    let (rows, look) = (rows_of(below), LevelLook::default());
+    coverage_sum(&CoarserRows::new(&rows, factors, &look, 1), key)
+}
+
+/// Returns the sum of hashes, keyed by `key`, of the places and coverages of some voxels.
+fn coverage_sum(rows: &dyn Rows, key: u64) -> u64 {
+    let hash = VoxelHash::new(key);
     let mut sum = 0u64;
     let add = &mut |y: u16, z: u16, voxels: &[Voxel]| {
-        for Voxel { x, record: Record { value, normal, magnitude, coverage } } in voxels {
-            let place = [(*x, 0), (y, 16), (z, 32), (*value, 48)].map(|(part, shift)| u64::from(part) << shift);
-            let shading = u64::from(*normal) | u64::from(*magnitude) << 32 | u64::from(*coverage) << 40;
-            sum = sum.wrapping_add(hash.of(place.into_iter().sum(), shading));
+        for Voxel { x, record } in voxels {
+            let place = [(*x, 0), (y, 16), (z, 32)].map(|(part, shift)| u64::from(part) << shift);
+            sum = sum.wrapping_add(hash.of(place.into_iter().sum(), record.coverage.into()));
         }
     };
     rows.read(Region::of_grid(rows.dims()), add).expect("a lane in memory is read without errors");
@@ -279,7 +285,7 @@ struct LineOutcome {
     stepping_voxels: u32,
     /// Bitwise OR of all codes of stepping voxels; must be 0, because they hold no voxel.
     stray: u64,
-    /// Whether a voxel has a coverage of 0.
+    /// Whether a voxel has a coverage that no voxel has.
     is_uncovered: bool,
     sum: u64,
 }
@@ -418,9 +424,12 @@ impl<'a> LaneCheck<'a> {
             return Err(self.stray_fault(records));
         }
         if outcome.is_uncovered {
-            let mut voxels = records.filter(|&record| lane.steps[record] != 0);
-            let record = voxels.find(|&record| lane.coverage_code(record) == 0).expect("one was found");
-            return Err(fault(self.offsets[6] + record as u64, "R25", "a coverage above 0", "0"));
+            let is_wrong = |&record: &usize| {
+                lane.steps[record] != 0 && !Coverage::is_code(lane.coverage_code(record), lane.channels)
+            };
+            let record = records.clone().find(is_wrong).expect("one was found");
+            let at = self.offsets[6] + (record * usize::from(lane.channels.coverage_bits / 8)) as u64;
+            return Err(fault(at, "R25", "a coverage of some of a block", lane.coverage_code(record)));
         }
         self.stepping_voxels += u64::from(outcome.stepping_voxels);
         self.sum = self.sum.wrapping_add(outcome.sum);
@@ -482,7 +491,7 @@ impl VoxelHash {
         VoxelHash { key: [xxh3_64(&key.to_le_bytes()), key] }
     }
 
-    /// Hashes x, y, z and value (`place`, 16 bits each), normal, magnitude and coverage (`shading`, 32, 8 and 8 bits).
+    /// Hashes x, y, z and value (`place`, 16 bits each), normal, magnitude and coverage (`shading`, 32, 8 and 16 bits).
     #[inline(always)]
     fn of(self, place: u64, shading: u64) -> u64 {
         let folded = fold(place ^ self.key[0], 0x9e37_79b9_7f4a_7c15);
@@ -528,7 +537,7 @@ fn follow_line<const V: usize, const N: usize, const M: usize, const C: usize>(
             outcome.stray |= value | shading;
         } else {
             outcome.end += u32::from(step);
-            outcome.is_uncovered |= C > 0 && coverage == 0;
+            outcome.is_uncovered |= C > 0 && !Coverage::is_code_of(coverage, C == 1);
             let place = place | u64::from(outcome.end - 1) << shift | value << 48;
             outcome.sum = outcome.sum.wrapping_add(hash.of(place, shading));
         }
@@ -540,7 +549,8 @@ fn follow_line<const V: usize, const N: usize, const M: usize, const C: usize>(
 fn follow_line_by_width(channels: Channels) -> FollowLine {
     match channels.coverage_bits {
         0 => follow_line_of::<0>(channels),
-        _ => follow_line_of::<1>(channels),
+        8 => follow_line_of::<1>(channels),
+        _ => follow_line_of::<2>(channels),
     }
 }
 

@@ -26,7 +26,8 @@ pub struct Coverage {
 /// Number of points of a block that an 8-bit code tells apart.
 const POINTS: f32 = 8.0;
 /// Largest code of a share in a 16-bit code.
-const LARGEST: f32 = 127.0;
+pub(super) const MOST_SHARE: u8 = 127;
+const LARGEST: f32 = MOST_SHARE as f32;
 /// Largest code of an offset, and the number of codes per spacing.
 const LAST: u32 = 6;
 const PER_SPACING: f32 = 8.0;
@@ -58,6 +59,34 @@ impl Coverage {
                 let offset = [7, 10, 13].map(|at| ((code >> at & 7).min(LAST) as f32 - 3.0) / PER_SPACING);
                 Coverage { share: share * share, offset }
             }
+        }
+    }
+
+    /// Returns whether voxels may have this code in a lane with these channels.
+    pub(crate) fn is_code(code: u16, channels: Channels) -> bool {
+        match channels.coverage_bits {
+            0 => true,
+            bits => Coverage::is_code_of(code.into(), bits == 8),
+        }
+    }
+
+    /// Returns whether voxels may have this code: some of the block is visible, and no offset is beyond the last.
+    #[inline(always)]
+    pub(crate) fn is_code_of(code: u64, is_mask: bool) -> bool {
+        if is_mask {
+            return code != 0;
+        }
+        // A code of an offset is 7 if its three bits are set.
+        let offsets = code >> 7;
+        code & 0x7f != 0 && offsets & offsets >> 1 & offsets >> 2 & 0o111 == 0
+    }
+
+    /// Returns the code of a voxel that is wholly visible.
+    pub(crate) fn whole_code(channels: Channels) -> u16 {
+        match channels.coverage_bits {
+            0 => 0,
+            8 => 0xff,
+            _ => Coverage::WHOLE.code(),
         }
     }
 

@@ -105,7 +105,7 @@ pub struct Lane<'a> {
     pub normals: &'a [u8],
     /// Magnitude codes, 0 or 1 byte per record.
     pub magnitudes: &'a [u8],
-    /// Coverage codes, 0 or 1 byte per record: how much of a voxel is visible.
+    /// Coverage codes, 0, 1 or 2 bytes per record: how much of a voxel is visible, and where.
     pub coverages: &'a [u8],
     /// Tells of channels that are not in memory: then those above are empty.
     pub elsewhere: Option<Elsewhere<'a>>,
@@ -350,7 +350,7 @@ impl<'a> Lane<'a> {
             value: self.value_code(record),
             normal: self.normal_code(record),
             magnitude: self.magnitude_code(record),
-            coverage: if self.channels.coverage_bits == 0 { 0 } else { self.coverage_code(record) },
+            coverage: self.coverage_code(record),
         }
     }
 
@@ -391,17 +391,17 @@ impl<'a> Lane<'a> {
         if self.channels.coverage_bits == 0 {
             return Coverage::WHOLE;
         }
-        Coverage::of_code(self.coverage_code(record).into(), self.channels)
+        Coverage::of_code(self.coverage_code(record), self.channels)
     }
 
-    /// Returns the coverage code of `record`: how much of the voxel is visible. 255, all of it, if the lane stores no
-    /// coverages; 0 past the last record.
+    /// Returns the code of [`Lane::coverage`] of `record`; 0 past the last record or without coverages.
     #[inline(always)]
-    pub fn coverage_code(&self, record: usize) -> u8 {
-        if self.channels.coverage_bits == 0 {
-            return 255;
-        }
-        let code = self.coverages.get(record).copied();
+    pub fn coverage_code(&self, record: usize) -> u16 {
+        let code = match self.channels.coverage_bits {
+            0 => return 0,
+            8 => self.coverages.get(record).map(|&code| code.into()),
+            _ => self.coverages.as_chunks().0.get(record).map(|&code| u16::from_le_bytes(code)),
+        };
         code.unwrap_or_else(|| self.patched(record, |patch, record| patch.coverage_code(record)))
     }
 }

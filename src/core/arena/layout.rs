@@ -126,7 +126,7 @@ impl SectionEntry {
         kinds.find(|&kind| kind as u16 == self.kind.get())
     }
 
-    /// Returns the number of the coarser level that the section holds, 1 to [`MOST_LEVELS`](super::MOST_LEVELS), as an
+    /// Returns the number of the coarser level that the section holds, 1 to [`MOST_LEVELS`], as an
     /// `.adj` file; `None` for another section.
     pub fn level(&self) -> Option<u8> {
         let number = self.kind.get().checked_sub(OPTIONAL_KINDS)?;
@@ -296,7 +296,8 @@ pub struct Channels {
     pub normal_bits: u8,
     /// Bits per gradient magnitude: 8, or 0 for no magnitudes.
     pub magnitude_bits: u8,
-    /// Bits per coverage: 8, or 0 if all voxels are wholly visible. Not in the header: the section table tells.
+    /// Bits per coverage: 8 in level 1, 16 in coarser levels, 0 if all voxels are wholly visible. Not in the header: the
+    /// section table tells.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub coverage_bits: u8,
 }

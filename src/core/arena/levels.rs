@@ -2,7 +2,7 @@
 //!
 //! In: rows of voxels. Out: rows of a coarser level, whose voxels stand for blocks of up to 2 x 2 x 2 points. A voxel's
 //! coverage says how much of its block is visible; its codes are means weighted by coverage. A level is computed from the
-//! level below it as that is stored, so all levels follow from the stored voxels: `formats/adj-1.md`, section 9.
+//! level below it as that is stored, so all levels follow from the stored voxels: `formats/adj-1.md`, section 13.
 //!
 //! Memory: the visible voxels of a few rows for each thread that reads.
 
@@ -11,10 +11,12 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
+use super::coverage::MOST_SHARE;
 use super::layout::{Channels, Facts, TILE_EDGE};
 use super::pack::Record;
 use super::rows::{Region, Rows, Voxel};
-use crate::classify::normal;
+use super::visible::stored_opacity;
+use crate::classify::{TransferFunction, normal};
 use crate::error::Result;
 use crate::volume::Grid;
 
@@ -52,7 +54,6 @@ impl From<u8> for Levels {
 
 impl Levels {
     /// Returns whether no levels are made.
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
     pub fn is_none(&self) -> bool {
         *self == Levels::Count(0)
     }
@@ -94,26 +95,17 @@ pub fn coarser(grid: &Grid) -> Option<(Grid, [u32; 3])> {
     coarse.check().is_ok().then_some((coarse, factors))
 }
 
+/// Returns the channels of the level above one with these: level 1 has masks of the points below, coarser levels have words.
+fn channels_above(below: Channels) -> Channels {
+    Channels { coverage_bits: if below.coverage_bits == 0 { 8 } else { 16 }, ..below }
+}
+
 /// Returns the facts of the level above one with the facts `below`, still without voxels, and how many points along each
 /// axis become one.
 pub(crate) fn level_facts(below: &Facts) -> Option<(Facts, [u32; 3])> {
     let (grid, factors) = coarser(&below.grid)?;
-    let channels = Channels { coverage_bits: 8, ..below.channels };
+    let channels = channels_above(below.channels);
     Some((Facts { grid, channels, visible_voxels: 0, ..below.clone() }, factors))
-}
-
-/// Returns how much of a voxel is visible, from 0 to 1, given its coverage code.
-#[inline]
-pub fn coverage_share(code: u8) -> f64 {
-    let root = f64::from(code) / 255.0;
-    root * root
-}
-
-/// Returns the coverage code of a block of `points` points whose voxels have codes that add up to `squares` when squared.
-fn coverage_code(squares: u64, points: u64) -> u8 {
-    // The largest code with `(2 code - 1)^2 <= 4 squares / points`: the root of the mean, rounded half up.
-    let code = (4 * squares / points).isqrt().div_ceil(2);
-    u8::try_from(code).unwrap_or(255).max(1)
 }
 
 /// Returns whether a file with this description holds a label map, whose codes cannot be averaged.
@@ -127,22 +119,109 @@ pub(crate) fn holds_labels(description: &[u8]) -> bool {
     kind.is_some_and(|kind| serde_json::from_str::<String>(kind.get()).is_ok_and(|kind| kind == "labels"))
 }
 
+/// What a file's transfer function says of how a level is made.
+#[derive(Debug, Clone, Default)]
+pub struct LevelLook {
+    /// Whether values are labels, of which the most frequent stays.
+    is_labels: bool,
+    /// For each value code: how much of a neighbour is seen through such a voxel, 0 to 255. Empty if all neighbours are seen
+    /// alike.
+    clear: Vec<u8>,
+}
+
+impl LevelLook {
+    /// Returns the look of a file with this description and these facts.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    pub fn new(description: &[u8], facts: &Facts) -> LevelLook {
+        #[derive(Deserialize)]
+        struct Function {
+            transfer_function: TransferFunction,
+        }
+        let is_labels = holds_labels(description);
+        let Ok(Function { transfer_function }) = serde_json::from_slice(description) else {
+            return LevelLook { is_labels, clear: Vec::new() };
+        };
+        let last = if facts.channels.value_bits == 8 { 0xff } else { u16::MAX };
+        let clear = (0..=last).map(|code| {
+            let opacity = stored_opacity(&transfer_function, &facts.scales, code, f64::MAX).clamp(0.0, 1.0);
+            // Twice, as kernels are about two voxels wide.
+            (255.0 * (1.0 - opacity) * (1.0 - opacity)).round() as u8
+        });
+        LevelLook { is_labels, clear: clear.collect() }
+    }
+
+    /// Returns how much of a neighbour is seen through a voxel.
+    #[inline]
+    fn clear(&self, record: &Record, channels: Channels) -> u8 {
+        let Some(clear) = self.clear.get(usize::from(record.value)) else { return u8::MAX };
+        let hidden = u64::from(u8::MAX - clear);
+        let (weight, whole) = weight(record, channels);
+        u8::MAX - u8::try_from(hidden * weight / whole).unwrap_or(u8::MAX)
+    }
+}
+
+/// Returns how much of a voxel is visible, in units of which the second number makes a whole voxel.
+#[inline]
+fn weight(record: &Record, channels: Channels) -> (u64, u64) {
+    let code = u64::from(record.coverage);
+    // A damaged file may have coverages of nothing.
+    match channels.coverage_bits {
+        0 => (1, 1),
+        8 => (code.count_ones().max(1).into(), 8),
+        _ => ((code & 0x7f).max(1).pow(2), u64::from(MOST_SHARE).pow(2)),
+    }
+}
+
+/// How much of each point of a box is seen through: 255 where no voxel is.
+#[derive(Default)]
+struct Clearness {
+    low: [u32; 3],
+    size: [usize; 3],
+    clear: Vec<u8>,
+}
+
+impl Clearness {
+    /// Begins with the box of `region` and of one more point on each side, which may lie outside the grid.
+    fn begin(&mut self, region: &Region) {
+        self.low = region.low();
+        self.size = region.size().map(|points| points as usize + 2);
+        self.clear.clear();
+        self.clear.resize(self.size.iter().product(), u8::MAX);
+    }
+
+    /// Returns the index of a point of the box, whose lowest has coordinates of -1 beside the region's.
+    #[inline]
+    fn index(&self, [x, y, z]: [u32; 3]) -> usize {
+        let at = |a: usize, coordinate: u32| (coordinate + 1 - self.low[a]) as usize;
+        (at(2, z) * self.size[1] + at(1, y)) * self.size[0] + at(0, x)
+    }
+
+    /// Returns how much of a voxel's six faces is seen, 1 to 1,531.
+    #[inline]
+    fn seen(&self, place: [u32; 3]) -> u64 {
+        let (at, row) = (self.index(place), self.size[0]);
+        let slice = row * self.size[1];
+        let faces = [at - 1, at + 1, at - row, at + row, at - slice, at + slice];
+        1 + faces.into_iter().map(|face| u64::from(self.clear[face])).sum::<u64>()
+    }
+}
+
 /// The voxels of the level above some rows.
 pub struct CoarserRows<'a> {
     rows: &'a dyn Rows,
     factors: [u32; 3],
     dims: [u32; 3],
-    is_labels: bool,
+    look: &'a LevelLook,
     threads: usize,
 }
 
 impl<'a> CoarserRows<'a> {
-    /// Creates the level above `rows`, of which `factors` points along each axis, 1 or 2, become one. `is_labels` tells that
-    /// values are labels. So many `threads` will read.
-    pub fn new(rows: &'a dyn Rows, factors: [u32; 3], is_labels: bool, threads: usize) -> CoarserRows<'a> {
+    /// Creates the level above `rows`, of which `factors` points along each axis, 1 or 2, become one. So many
+    /// `threads` will read.
+    pub fn new(rows: &'a dyn Rows, factors: [u32; 3], look: &'a LevelLook, threads: usize) -> CoarserRows<'a> {
         let dims = rows.dims();
         let dims = std::array::from_fn(|a| dims[a].div_ceil(factors[a]));
-        CoarserRows { rows, factors, dims, is_labels, threads }
+        CoarserRows { rows, factors, dims, look, threads }
     }
 
     /// Returns how many of the coarser rows are made at once: few, and in whole tiles.
@@ -158,14 +237,15 @@ impl Rows for CoarserRows<'_> {
     }
 
     fn channels(&self) -> Channels {
-        Channels { coverage_bits: 8, ..self.rows.channels() }
+        channels_above(self.rows.channels())
     }
 
     fn memory(&self) -> u64 {
         let [width, height, _] = self.rows.dims().map(u64::from);
-        let points = width * (u64::from(self.rows_at_once()) * 2).min(height) * 2;
+        let rows = (u64::from(self.rows_at_once()) * 2).min(height);
+        let around = (width + 2) * (rows + 2) * 4;
         // A growing array may hold twice its bytes.
-        self.rows.memory() + 2 * points * size_of::<Voxel>() as u64 * self.threads as u64
+        self.rows.memory() + (2 * width * rows * 2 * size_of::<Voxel>() as u64 + around) * self.threads as u64
     }
 
     fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()> {
@@ -178,7 +258,9 @@ impl Rows for CoarserRows<'_> {
         let narrow =
             |coordinate: u32| u16::try_from(coordinate).expect("inside a grid of at most 65,535 points an axis");
         let step = self.rows_at_once();
+        let channels = self.rows.channels();
         let mut parts: Vec<Vec<Voxel>> = Vec::new();
+        let mut clearness = Clearness::default();
         let mut voxels = Vec::new();
         for z in region.zs.clone() {
             for first in region.ys.clone().step_by(step as usize) {
@@ -191,19 +273,29 @@ impl Rows for CoarserRows<'_> {
                 let ([_, low_y, low_z], [_, height, depth]) = (below.low(), below.size());
                 parts.resize_with((height * depth) as usize, Vec::new);
                 parts.iter_mut().for_each(Vec::clear);
-                self.rows.read(below, &mut |y, z, part| {
-                    let place = (u32::from(z) - low_z) * height + u32::from(y) - low_y;
-                    parts[place as usize].extend_from_slice(part);
+                clearness.begin(&below);
+                let around = below.and_neighbours();
+                self.rows.read(around, &mut |y, z, part| {
+                    let (y, z) = (u32::from(y), u32::from(z));
+                    for voxel in part {
+                        let index = clearness.index([voxel.x.into(), y, z]);
+                        clearness.clear[index] = self.look.clear(&voxel.record, channels);
+                    }
+                    if below.ys.contains(&y) && below.zs.contains(&z) {
+                        let inside = part.iter().filter(|voxel| below.xs.contains(&voxel.x.into()));
+                        parts[((z - low_z) * height + y - low_y) as usize].extend(inside);
+                    }
                 })?;
                 for y in first..end {
+                    // Of the block's rows, those at the low and the high end of y, first at the low end of z.
                     let mut block: [&[Voxel]; 4] = [&[]; 4];
-                    let rows_of_y = fine(1, y, y + 1);
-                    let places = (0..depth).flat_map(|z| rows_of_y.clone().map(move |y| z * height + y - low_y));
-                    for (slot, place) in block.iter_mut().zip(places) {
-                        *slot = &parts[place as usize];
+                    for (z, y_below) in (0..depth).flat_map(|z| fine(1, y, y + 1).map(move |y_below| (z, y_below))) {
+                        let high = (y_below - y * self.factors[1]) as usize;
+                        block[2 * z as usize + high] = &parts[(z * height + y_below - low_y) as usize];
                     }
                     voxels.clear();
-                    self.merge(block, &mut voxels);
+                    let low = [0, y * self.factors[1], z * self.factors[2]];
+                    self.merge(block, low, &clearness, &mut voxels);
                     if !voxels.is_empty() {
                         row(narrow(y), narrow(z), &voxels);
                     }
@@ -215,20 +307,24 @@ impl Rows for CoarserRows<'_> {
 }
 
 impl CoarserRows<'_> {
-    /// Makes one row of up to four rows of the level below: y first, then z.
-    fn merge(&self, mut rows: [&[Voxel]; 4], voxels: &mut Vec<Voxel>) {
+    /// Makes one row of the rows of the level below at the low and the high end of y, first at the low end of z.
+    ///
+    /// `low` has the lowest y and z of these.
+    fn merge(&self, mut rows: [&[Voxel]; 4], low: [u32; 3], clearness: &Clearness, voxels: &mut Vec<Voxel>) {
         let shift = self.factors[0] - 1;
-        let points = self.factors.iter().product::<u32>().into();
         let channels = self.rows.channels();
         while let Some(x) = rows.iter().filter_map(|row| row.first()).map(|voxel| voxel.x >> shift).min() {
-            let mut block = Block::default();
-            for row in &mut rows {
+            let mut block = Block { factors: self.factors, ..Block::default() };
+            for (place, row) in rows.iter_mut().enumerate() {
                 while let Some((voxel, rest)) = row.split_first().filter(|(voxel, _)| voxel.x >> shift == x) {
-                    block.add(&voxel.record, channels);
+                    let high = usize::from(voxel.x & u16::from(self.factors[0] == 2));
+                    let (up, back) = (place as u32 & 1, place as u32 >> 1);
+                    let seen = clearness.seen([voxel.x.into(), low[1] + up, low[2] + back]);
+                    block.add(high + 2 * place, &voxel.record, channels, seen);
                     *row = rest;
                 }
             }
-            voxels.push(Voxel { x, record: block.record(channels, points, self.is_labels) });
+            voxels.push(Voxel { x, record: block.record(channels, self.look.is_labels) });
         }
     }
 }
@@ -236,49 +332,104 @@ impl CoarserRows<'_> {
 /// The voxels of a block, added up in the order x, y, z.
 #[derive(Default)]
 struct Block {
-    /// Weights, the squares of coverage codes, and records.
+    factors: [u32; 3],
+    /// For each voxel: how much it counts in means, in proportion to the share that is visible and to what is seen of its
+    /// faces; and its record.
     voxels: [(u64, Record); 8],
     count: usize,
+    /// The sums of shares and of what voxels count in means.
     weight: u64,
+    seen: u64,
     value: u64,
     magnitude: u64,
     normal: [f64; 3],
+    /// A bit for each voxel: 1 << (x + 2 y + 4 z) for its place in the block, 0 or 1 along each axis.
+    mask: u32,
+    /// For each axis: the weights of voxels at its high end less those at its low end, and the sum of weights times offsets,
+    /// in eighths.
+    ends: [i64; 3],
+    moments: [i64; 3],
 }
 
 impl Block {
+    /// Adds a voxel at `place`: x + 2 y + 4 z, each 0 or 1. `seen` is how much of its faces is seen.
     #[inline]
-    fn add(&mut self, record: &Record, channels: Channels) {
-        // Without a channel of coverages a voxel is wholly visible. In a damaged file one may have none.
-        let code = if channels.coverage_bits == 0 { 255 } else { u64::from(record.coverage).max(1) };
-        let weight = code * code;
-        self.voxels[self.count] = (weight, *record);
+    fn add(&mut self, place: usize, record: &Record, channels: Channels, seen: u64) {
+        let code = u64::from(record.coverage);
+        let (weight, _) = weight(record, channels);
+        let offsets = match channels.coverage_bits {
+            0 => [0; 3],
+            8 => [0xaau64, 0xcc, 0xf0].map(|end| 2 * (2 * i64::from((code & end).count_ones()) - weight.cast_signed())),
+            _ => [7, 10, 13].map(|at| weight.cast_signed() * ((code >> at & 7).min(6).cast_signed() - 3)),
+        };
+        self.mask |= 1 << place;
+        for a in 0..3 {
+            let is_high = place >> a & 1 == 1;
+            self.ends[a] += if is_high { weight.cast_signed() } else { -weight.cast_signed() };
+            self.moments[a] += offsets[a];
+        }
+        let seen = weight * seen;
+        self.voxels[self.count] = (seen, *record);
         self.count += 1;
         self.weight += weight;
-        self.value += weight * u64::from(record.value);
-        self.magnitude += weight * u64::from(record.magnitude);
+        self.seen += seen;
+        self.value += seen * u64::from(record.value);
+        self.magnitude += seen * u64::from(record.magnitude);
         let normal = match channels.normal_bits {
             0 => return,
             8 => normal::decode8(low_half(record.normal)),
             _ => normal::decode16(record.normal),
         };
-        // Whole numbers of at most 17 bits times single precision: the products are exact.
-        #[expect(clippy::cast_precision_loss, reason = "at most 65,025")]
-        let factor = weight as f64;
+        // Whole numbers of at most 25 bits times single precision: the products are exact.
+        #[expect(clippy::cast_precision_loss, reason = "at most 24,693,499")]
+        let factor = seen as f64;
         for (sum, component) in self.normal.iter_mut().zip(normal) {
             *sum += factor * f64::from(component);
         }
     }
 
     #[inline]
-    fn record(&self, channels: Channels, points: u64, is_labels: bool) -> Record {
-        let mean = |sum: u64| (2 * sum + self.weight) / (2 * self.weight);
+    fn record(&self, channels: Channels, is_labels: bool) -> Record {
+        let mean = |sum: u64| (2 * sum + self.seen) / (2 * self.seen);
         let value = if is_labels { self.label() } else { u16::try_from(mean(self.value)).unwrap_or(u16::MAX) };
         Record {
             value,
             normal: self.normal(channels.normal_bits),
             magnitude: u8::try_from(mean(self.magnitude)).unwrap_or(u8::MAX),
-            coverage: coverage_code(self.weight, points),
+            coverage: if channels.coverage_bits == 0 { self.point_mask() } else { self.word(channels) },
         }
+    }
+
+    /// Returns the mask of the block's points; along an axis that is not halved both ends are alike.
+    fn point_mask(&self) -> u16 {
+        let mut mask = self.mask;
+        for (a, _) in self.factors.iter().enumerate().filter(|(_, factor)| **factor == 1) {
+            mask |= mask << (1 << a);
+        }
+        u16::try_from(mask & 0xff).expect("eight bits")
+    }
+
+    /// Returns the word for the block's share and offsets.
+    fn word(&self, channels: Channels) -> u16 {
+        let whole = if channels.coverage_bits == 8 { 8 } else { u64::from(MOST_SHARE).pow(2) };
+        let points = u64::from(self.factors.iter().product::<u32>());
+        // The largest code with `(2 code - 1)^2 <= 4 * 127^2 * share`: the root, rounded half up.
+        let root = (4 * u64::from(MOST_SHARE).pow(2) * self.weight / (points * whole)).isqrt().div_ceil(2);
+        let share = u16::try_from(root).unwrap_or(u16::MAX).clamp(1, MOST_SHARE.into());
+        let weight = self.weight.cast_signed();
+        let mut code = share;
+        for (a, at) in [7, 10, 13].into_iter().enumerate() {
+            // The offset in eighths: along a halved axis voxels lie a quarter from the middle, and are half as long.
+            let (sum, unit) = match self.factors[a] {
+                2 => (4 * self.ends[a] + self.moments[a], 2 * weight),
+                _ => (self.moments[a], weight),
+            };
+            // Rounded, halves away from zero.
+            let rounded = (2 * sum.abs() + unit) / (2 * unit) * sum.signum();
+            let offset = u16::try_from(rounded.clamp(-3, 3) + 3).expect("0 to 6");
+            code |= offset << at;
+        }
+        code
     }
 
     fn stored(&self) -> &[(u64, Record)] {

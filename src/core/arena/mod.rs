@@ -35,7 +35,7 @@ pub use lane::{Elsewhere, Lane, LineEnds, LineSpan};
 pub use lane_rows::LaneRows;
 pub use lanes::LaneSet;
 pub use layout::{Channels, TileRecord};
-pub use levels::{CoarserRows, Levels, MOST_LEVELS, coarser, coverage_share};
+pub use levels::{CoarserRows, LevelLook, Levels, MOST_LEVELS, coarser};
 pub use open::Arena;
 pub use overlay::Overlay;
 pub use owned_lane::OwnedLane;

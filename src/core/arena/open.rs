@@ -100,8 +100,8 @@ impl<'a> Head<'a> {
             return Err(fault(at!(header.header_xxh3), "R3", format!("checksum {checksum:#018x}"), got));
         }
         let mut facts = facts_of(&header)?;
-        if table.iter().any(|entry| entry.known_kind() == Some(SectionKind::Coverage)) {
-            facts.channels.coverage_bits = 8;
+        if let Some(entry) = table.iter().find(|entry| entry.known_kind() == Some(SectionKind::Coverage)) {
+            facts.channels.coverage_bits = if entry.element_bytes == 2 { 16 } else { 8 };
         }
         check_table(table, len, &facts)?;
         let head = Head { header, table, facts, checksum };
@@ -503,7 +503,7 @@ fn check_levels(bytes: &[u8], head: &Head) -> Result<(), FormatFault> {
             ("origin", same(&grid.origin, &found.origin), at!(header.origin)),
             ("direction", same(grid.direction.as_flattened(), found.direction.as_flattened()), at!(header.direction)),
             ("scales", same(&scales(&expected.scales), &scales(&level.facts.scales)), at!(header.value_low)),
-            ("coverages", has.coverage_bits == 8, at!(entry[0].kind)),
+            ("coverages", has.coverage_bits == channels.coverage_bits, at!(entry[0].kind)),
             ("lanes", lanes(&level) == lanes(head), at!(entry[0].kind)),
         ];
         if let Some((what, _, at)) = tests.into_iter().find(|(_, is_right, _)| !is_right) {

@@ -33,6 +33,7 @@
 
 use std::sync::OnceLock;
 
+use super::coverage::Coverage;
 use super::lane::Lane;
 use super::lane_rows::LaneRows;
 use super::lanes::LaneSet;
@@ -64,7 +65,7 @@ impl<'a> Overlay<'a> {
 
     /// Inserts or replaces the voxel at `at` (x, y, z), and returns the previous one.
     ///
-    /// Codes of channels that the arena does not store are ignored. A coverage of 0 counts as 255: wholly visible.
+    /// Codes of channels that the arena does not store are ignored. A coverage of 0 stands for wholly visible.
     ///
     /// # Errors
     /// [`Error::Input`] if `at` is outside the grid, or a code does not fit its channel.
@@ -73,14 +74,12 @@ impl<'a> Overlay<'a> {
         let channels = self.lanes.arena().facts().channels;
         let normal = if channels.normal_bits == 0 { 0 } else { record.normal };
         let magnitude = if channels.magnitude_bits == 0 { 0 } else { record.magnitude };
-        let coverage = match (channels.coverage_bits, record.coverage) {
-            (0, _) => 0,
-            (_, 0) => 255,
-            (_, code) => code,
-        };
+        let is_whole = channels.coverage_bits == 0 || record.coverage == 0;
+        let coverage = if is_whole { Coverage::whole_code(channels) } else { record.coverage };
         let widths = [
             ("value", u32::from(record.value), u32::from(channels.value_bits)),
             ("normal", normal, 2 * u32::from(channels.normal_bits)),
+            ("coverage", coverage.into(), u32::from(channels.coverage_bits)),
         ];
         for (what, code, bits) in widths {
             if u64::from(code) >> bits != 0 {

@@ -22,8 +22,9 @@ pub struct Record {
     pub normal: u32,
     /// Code of the gradient magnitude; ignored if the arena stores no magnitudes.
     pub magnitude: u8,
-    /// Code of the coverage, how much of the voxel is visible; ignored, and 0, if the arena stores no coverages.
-    pub coverage: u8,
+    /// Code of the [`Coverage`](super::Coverage), how much of the voxel is visible and where; ignored, and 0, if the arena
+    /// stores no coverages.
+    pub coverage: u16,
 }
 
 /// A voxel that is being sorted into its line.
@@ -71,9 +72,8 @@ impl ChannelArrays {
         if channels.magnitude_bits == 8 {
             self.magnitudes.push(record.magnitude);
         }
-        if channels.coverage_bits == 8 {
-            self.coverages.push(record.coverage);
-        }
+        let coverage = record.coverage.to_le_bytes();
+        self.coverages.extend_from_slice(&coverage[..usize::from(channels.coverage_bits / 8)]);
     }
 
     /// Appends the given records of `other`.

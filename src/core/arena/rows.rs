@@ -73,6 +73,12 @@ impl Region {
         Region { xs: side(0), ys: side(1), zs: side(2) }
     }
 
+    /// Returns the box with one more point on each side, as far as coordinates are not below 0.
+    pub(crate) fn and_neighbours(&self) -> Region {
+        let side = |side: &Range<u32>| side.start.saturating_sub(1)..side.end.saturating_add(1);
+        Region { xs: side(&self.xs), ys: side(&self.ys), zs: side(&self.zs) }
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.sides().into_iter().any(Range::is_empty)
     }

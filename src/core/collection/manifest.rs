@@ -156,7 +156,8 @@ impl Manifest {
         let Channels { value_bits, normal_bits, magnitude_bits, coverage_bits } = self.channels;
         let is_known = [8, 16].contains(&value_bits)
             && [0, 8, 16].contains(&normal_bits)
-            && [magnitude_bits, coverage_bits].iter().all(|bits| [0, 8].contains(bits));
+            && [0, 8].contains(&magnitude_bits)
+            && [0, 8, 16].contains(&coverage_bits);
         if !is_known {
             let bits = format!("{value_bits}, {normal_bits}, {magnitude_bits} and {coverage_bits}");
             return wrong(format!("has channels of {bits} bits"));

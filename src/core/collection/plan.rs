@@ -166,6 +166,10 @@ impl Plan {
 
     fn check(&self) -> Result<()> {
         self.options.check()?;
+        if !self.options.levels.is_none() {
+            let why = "are not stored in bricks; make them in the joined file, with adj trim --levels";
+            return Err(Error::input("levels of detail", why));
+        }
         self.grid.check()?;
         if !(1..=3).contains(&self.bricks.len()) {
             return Err(Error::input("plan", format!("has {} partitions, but there are 1 to 3", self.bricks.len())));

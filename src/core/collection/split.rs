@@ -15,6 +15,8 @@ use crate::volume::{Axis, Grid};
 
 /// Writes the voxels of `arena` as a collection at `path`, with a brick for each box of each of `partitions`, one to three.
 ///
+/// Bricks hold no coarser levels of detail: those of `arena` are left out.
+///
 /// Its preview has every `preview`-th grid point along each axis; with 1 it has none. By default it has at most 2^24 voxels,
 /// and none if the whole has no more.
 ///

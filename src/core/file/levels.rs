@@ -11,9 +11,9 @@ use super::atomic_temporary::unnamed;
 use super::map::AdjFile;
 use super::write::{RowsOutput, arena_bytes, write_rows_to};
 use crate::arena::layout::Facts;
-use crate::arena::levels::{holds_labels, level_facts};
+use crate::arena::levels::level_facts;
 use crate::arena::pager::IN_FLIGHT;
-use crate::arena::{Arena, CoarserRows, LaneRows, Levels, Region, Rows};
+use crate::arena::{Arena, CoarserRows, LaneRows, LevelLook, Levels, Region, Rows};
 use crate::build::builder::lanes_of;
 use crate::build::progress::{Observer, Phase};
 use crate::error::{Error, Result};
@@ -53,7 +53,7 @@ fn levels<M: Made>(
     observer: &mut dyn Observer,
     write: Write<M>,
 ) -> Result<Vec<M>> {
-    let (wanted, is_labels) = (output.levels, holds_labels(output.description.as_bytes()));
+    let (wanted, look) = (output.levels, LevelLook::new(output.description.as_bytes(), &output.facts));
     let mut facts = output.facts.clone();
     if wanted == Levels::Auto {
         facts.visible_voxels = 0;
@@ -66,7 +66,7 @@ fn levels<M: Made>(
         let Some((coarser, factors)) = next else { break };
         let observer = &mut LevelObserver { observer, number };
         let first = with_rows(levels.last(), rows, |below| {
-            let rows = CoarserRows::new(below, factors, is_labels, output.threads.max(1));
+            let rows = CoarserRows::new(below, factors, &look, output.threads.max(1));
             write(&rows, &coarser, 1, observer)
         })?;
         let voxels = first.arena()?.facts().visible_voxels;

@@ -15,6 +15,7 @@ use super::view::PixelMap;
 use super::{Blending, Camera, Lanes, Mode, Scene, Settings, View};
 use crate::arena::Lane;
 use crate::arena::layout::Facts;
+use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::traverse::{Viewpoint, VoxelBox};
 use crate::volume::{Axis, Grid};
@@ -33,27 +34,37 @@ pub struct LevelPart {
     pub crop: Option<VoxelBox>,
 }
 
-/// The lanes of a coarser level of a scene.
-pub struct LanesOfLevel<'a> {
+/// A scene at one of its levels.
+pub struct LevelScene<'a> {
+    facts: &'a Facts,
     lanes: &'a dyn Lanes,
     level: usize,
+    transfer: TransferFunction,
 }
 
-impl Lanes for LanesOfLevel<'_> {
+impl LevelScene<'_> {
+    /// Returns the scene, which renderers draw as any other.
+    pub fn scene(&self) -> Scene<'_> {
+        Scene { facts: self.facts, lanes: self, transfer: &self.transfer }
+    }
+}
+
+impl Lanes for LevelScene<'_> {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
         self.lanes.lane_of(self.level, axis)
     }
 }
 
 impl LevelPart {
-    /// Returns the lanes of the part's level.
-    pub fn lanes<'a>(&self, scene: &Scene<'a>) -> LanesOfLevel<'a> {
-        LanesOfLevel { lanes: scene.lanes, level: self.level }
-    }
-
-    /// Returns the scene of the part's level; `lanes` are those of [`LevelPart::lanes`].
-    pub fn scene<'a>(&self, scene: &Scene<'a>, lanes: &'a LanesOfLevel<'a>) -> Scene<'a> {
-        Scene { facts: facts_of(scene, self.level), lanes, transfer: scene.transfer }
+    /// Returns the scene at the part's level. Lengths of the transfer function stay those of level 0's voxels.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the spacing of level 0 cannot be a length of the transfer function.
+    pub fn scene<'a>(&self, scene: &Scene<'a>) -> Result<LevelScene<'a>> {
+        let length = scene.facts.grid.mean_spacing();
+        let reference = scene.transfer.reference_length().unwrap_or(length);
+        let transfer = scene.transfer.clone().with_voxel_length(length)?.with_reference_length(reference)?;
+        Ok(LevelScene { facts: facts_of(scene, self.level), lanes: scene.lanes, level: self.level, transfer })
     }
 
     /// Returns the settings with which the part is drawn.

@@ -1,132 +1,33 @@
-//! Levels of detail, judged by dense arrays: one point after another, in the words of the specification.
+//! Levels of detail, judged by a slow twin that goes from voxel to voxel.
 
 use adjsplat::arena::{Arena, Channels, LaneRows, Levels, MOST_LEVELS, Record, Region, Rows as _, TileOrder};
 use adjsplat::build::Unobserved;
 use adjsplat::classify::normal;
 use adjsplat::file::{AdjFile, RowsOutput, write_rows};
-use adjsplat::volume::{Axis, Grid};
+use adjsplat::limits::Limits;
+use adjsplat::volume::Axis;
 use adjsplat_tests::random::Random;
 
+use crate::coarser::{Voxels, coarser, coarser_grid};
 use crate::edits::{RandomVoxels as _, VoxelMap};
 
 const LABELS: &str = r#"{"transfer_function":{"kind":"range"},"transfer_function":{"labels":[],"kind":"labels"}}"#;
 
-/// A dense array of voxels, and the grid that they lie on.
-struct Dense {
-    grid: Grid,
-    channels: Channels,
-    voxels: Vec<Option<Record>>,
-}
-
-impl Dense {
-    fn of(model: &VoxelMap) -> Dense {
-        let [nx, ny, nz] = model.dims();
-        let points = (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])));
-        let voxels = points.map(|at| model.get(at)).collect();
-        Dense { grid: model.facts.grid.clone(), channels: model.facts.channels, voxels }
-    }
-
-    fn of_arena(arena: &Arena, axis: Axis) -> Dense {
-        let facts = arena.facts();
-        let [nx, ny, nz] = facts.grid.dims.map(|points| points as usize);
-        let mut voxels = vec![None; nx * ny * nz];
-        let lane = arena.lane(axis).expect("it is stored");
-        for line in lane.lines() {
-            for (t, index) in lane.line_voxels(line.records) {
-                let [x, y, z] = match axis {
-                    Axis::X => [t, line.u, line.v],
-                    Axis::Y => [line.u, t, line.v],
-                    Axis::Z => [line.u, line.v, t],
-                }
-                .map(|c| c as usize);
-                voxels[x + nx * (y + ny * z)] = Some(lane.record(index));
-            }
-        }
-        Dense { grid: facts.grid.clone(), channels: facts.channels, voxels }
-    }
-
-    fn at(&self, at: [u32; 3]) -> Option<Record> {
-        let [x, y, z] = at.map(|c| c as usize);
-        let [nx, ny, nz] = self.grid.dims.map(|points| points as usize);
-        if x < nx && y < ny && z < nz { self.voxels[x + nx * (y + ny * z)] } else { None }
-    }
-
-    /// The level above; `None` where levels end.
-    fn coarser(&self, is_labels: bool) -> Option<Dense> {
-        let grid = &self.grid;
-        let long: Vec<usize> = (0..3).filter(|&a| grid.dims[a] > 1).collect();
-        let smallest = long.iter().map(|&a| grid.spacing[a]).fold(f64::INFINITY, f64::min);
-        if long.is_empty() {
-            return None;
-        }
-        let halved = [0, 1, 2].map(|a| grid.dims[a] > 1 && grid.spacing[a] < 2f64.sqrt() * smallest);
-        let factor = halved.map(|halved| if halved { 2 } else { 1 });
-        let mut coarse = grid.clone();
-        for a in (0..3).filter(|&a| halved[a]) {
-            coarse.dims[a] = grid.dims[a] / 2 + grid.dims[a] % 2;
-            coarse.spacing[a] = grid.spacing[a] * 2.0;
-            // The middle of the first block is half a spacing away.
-            coarse.origin = std::array::from_fn(|w| coarse.origin[w] + grid.spacing[a] / 2.0 * grid.direction[a][w]);
-        }
-        let [nx, ny, nz] = coarse.dims;
-        let mut voxels = Vec::new();
-        for (z, y, x) in (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| (z, y, x)))) {
-            let mut block = Vec::new();
-            for dz in 0..factor[2] {
-                for dy in 0..factor[1] {
-                    for dx in 0..factor[0] {
-                        let at = [x * factor[0] + dx, y * factor[1] + dy, z * factor[2] + dz];
-                        block.extend(self.at(at));
-                    }
-                }
-            }
-            let points = factor.iter().product::<u32>();
-            voxels.push((!block.is_empty()).then(|| self.record(&block, points.into(), is_labels)));
-        }
-        Some(Dense { grid: coarse, channels: Channels { coverage_bits: 8, ..self.channels }, voxels })
-    }
-
-    fn record(&self, block: &[Record], points: u128, is_labels: bool) -> Record {
-        let weight = |record: &Record| {
-            let code = if self.channels.coverage_bits == 0 { 255 } else { record.coverage };
-            u128::from(code) * u128::from(code)
-        };
-        let all: u128 = block.iter().map(weight).sum();
-        // The code with `(code - 1/2)^2 <= share < (code + 1/2)^2`, at least 1.
-        let coverage = (1..=255u128).rev().find(|c| (2 * c - 1) * (2 * c - 1) * points <= 4 * all).unwrap_or(1);
-        let mean = |code: &dyn Fn(&Record) -> u128| {
-            let sum: u128 = block.iter().map(|record| weight(record) * code(record)).sum();
-            // Rounded half up: one more if the rest is half of the weight or above.
-            sum / all + u128::from(2 * (sum % all) >= all)
-        };
-        let value = if is_labels {
-            let sum = |value: u16| -> u128 { block.iter().filter(|r| r.value == value).map(weight).sum() };
-            let mut codes: Vec<u16> = block.iter().map(|record| record.value).collect();
-            codes.sort_unstable();
-            let most = codes.iter().map(|&code| sum(code)).max().unwrap();
-            codes.into_iter().find(|&code| sum(code) == most).unwrap()
-        } else {
-            mean(&|record| record.value.into()) as u16
-        };
-        let mut sum = [0.0f64; 3];
-        for record in block {
-            let direction = match self.channels.normal_bits {
-                8 => normal::decode8(record.normal as u16),
-                _ => normal::decode16(record.normal),
+/// The voxels of a lane by place.
+fn voxels_of(arena: &Arena, axis: Axis) -> Voxels {
+    let lane = arena.lane(axis).expect("it is stored");
+    let mut voxels = Voxels::new();
+    for line in lane.lines() {
+        for (t, index) in lane.line_voxels(line.records) {
+            let at = match axis {
+                Axis::X => [t, line.u, line.v],
+                Axis::Y => [line.u, t, line.v],
+                Axis::Z => [line.u, line.v, t],
             };
-            sum = std::array::from_fn(|a| sum[a] + weight(record) as f64 * f64::from(direction[a]));
+            voxels.insert(at, lane.record(index));
         }
-        let normal = match self.channels.normal_bits {
-            0 => 0,
-            _ if sum == [0.0; 3] => {
-                let most = block.iter().map(weight).max().unwrap();
-                block.iter().find(|record| weight(record) == most).unwrap().normal
-            }
-            8 => normal::encode8(sum.map(|c| -c)).into(),
-            _ => normal::encode16(sum.map(|c| -c)),
-        };
-        Record { value, normal, magnitude: mean(&|record| record.magnitude.into()) as u8, coverage: coverage as u8 }
     }
+    voxels
 }
 
 fn with_levels(model: &VoxelMap, lanes: u8, levels: Levels, description: &str, threads: usize) -> Vec<u8> {
@@ -188,7 +89,7 @@ fn random_model(random: &mut Random) -> VoxelMap {
 }
 
 #[test]
-fn levels_are_what_dense_arrays_give_voxel_by_voxel() {
+fn levels_are_what_the_twin_gives_voxel_by_voxel() {
     let mut random = Random(77);
     let mut deepest = 0;
     for _ in 0..120 {
@@ -199,24 +100,28 @@ fn levels_are_what_dense_arrays_give_voxel_by_voxel() {
         let bytes = with_levels(&model, lanes, Levels::Count(wanted), description, 1 + random.index(3));
         let arena = Arena::new(&bytes).expect("opens");
         arena.check().unwrap_or_else(|fault| panic!("{fault}"));
-        let (mut expected, mut level) = (Dense::of(&model), 0);
-        while let Some(coarser) = expected.coarser(is_labels).filter(|_| level < wanted) {
+        let (mut grid, mut channels, mut level) = (model.facts.grid.clone(), model.facts.channels, 0);
+        let mut expected: Voxels =
+            model.voxels.iter().map(|(&[z, y, x], &record)| ([x, y, z].map(u32::from), record)).collect();
+        while let Some((coarse, factors)) = coarser_grid(&grid).filter(|_| level < wanted) {
             level += 1;
+            expected = coarser(&expected, channels, factors, is_labels);
+            (grid, channels.coverage_bits) = (coarse, 8);
             let found = arena.level(level).expect("it is there");
             let facts = found.facts();
-            assert_eq!((&facts.grid, facts.channels), (&coarser.grid, coarser.channels), "level {level}");
+            assert_eq!((&facts.grid, facts.channels), (&grid, channels), "level {level}");
             assert_eq!((facts.tile_order, facts.scales), (model.facts.tile_order, model.facts.scales));
             assert_eq!(
                 (found.lanes().count(), found.level_count(), found.description()),
                 (lanes.into(), 0, &b"{}"[..])
             );
             for axis in Axis::ALL.into_iter().take(lanes.into()) {
-                let dense = Dense::of_arena(&found, axis);
-                for (place, (a, b)) in dense.voxels.iter().zip(&coarser.voxels).enumerate() {
-                    assert_eq!(a, b, "level {level}, lane {}, place {place} of {:?}", axis.name(), coarser.grid.dims);
+                let voxels = voxels_of(&found, axis);
+                if let Some((a, b)) = voxels.iter().zip(&expected).find(|(a, b)| a != b) {
+                    panic!("level {level}, lane {}: {a:?}, not {b:?}, of {:?}", axis.name(), grid.dims);
                 }
+                assert_eq!(voxels.len(), expected.len());
             }
-            expected = coarser;
         }
         assert_eq!(arena.level_count(), level);
         deepest = deepest.max(level);
@@ -307,6 +212,23 @@ fn a_solid_is_wholly_covered_but_for_its_end() {
         .collect();
     assert_eq!(codes, expected);
     assert_eq!(Arena::new(&cube(5, 1).bytes(1)).expect("opens").lane(Axis::X).expect("x").coverage_code(0), 255);
+}
+
+#[test]
+fn limits_hold_for_levels_too() {
+    let folder = tempfile::tempdir().expect("there is a temporary folder");
+    let path = folder.path().join("a.adj");
+    std::fs::write(&path, with_levels(&cube(8, 1), 3, Levels::Count(1), "{}", 1)).expect("writes");
+    let file = AdjFile::open(&path).expect("opens");
+    let count = |arena: &Arena| u32::try_from(arena.sections().len()).expect("few");
+    let arena = file.arena().expect("opens");
+    let (whole, level) = (count(&arena), count(&arena.level(1).expect("it is there")));
+    assert!(level > whole, "a level has coverages besides");
+    for (sections, opens) in [(level, true), (whole, false)] {
+        let limits = Limits::default().with_sections(sections);
+        let opened = AdjFile::open_with(&path, &limits);
+        assert_eq!(opened.is_ok(), opens, "{:?}", opened.map(drop));
+    }
 }
 
 #[test]

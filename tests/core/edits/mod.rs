@@ -2,7 +2,7 @@
 //!
 //! - `rows`: what a lane gives row by row, of any box, on sound lanes and damaged ones.
 //! - `trim`: what is left is what a build of the cropped or thresholded voxels holds.
-//! - `levels`: coarser levels are what dense arrays give.
+//! - `levels`: coarser levels are what a slow twin gives.
 //! - `overlay`: walks, files and pictures after random edits are those of a rebuilt arena.
 //!
 //! What they cannot catch: a wrong lane from a wrong packer (tests of the walk and of the builder do).

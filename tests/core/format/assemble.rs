@@ -1,14 +1,14 @@
 //! Files from their parts, written by hand: what the library's own writer is compared with, and what the mutants
 //! and the files that must be refused are made of.
 
-use adjsplat::arena::Record;
 use adjsplat::arena::layout::{FileHeader, SectionEntry, SectionKind, header_checksum};
-use adjsplat::arena::{Lane, OwnedLane};
+use adjsplat::arena::{Arena, Lane, OwnedLane};
+use adjsplat::arena::{Channels, Record};
 use adjsplat::internals::LanePacker;
 use adjsplat::volume::Axis;
 use xxhash_rust::xxh3::xxh3_64;
-use zerocopy::IntoBytes;
 use zerocopy::byteorder::little_endian::{U16, U32, U64};
+use zerocopy::{FromBytes as _, IntoBytes};
 
 use crate::format::scenes::Scene;
 
@@ -39,6 +39,10 @@ impl Parts {
             let kind = SectionKind::Description as u16;
             sections.push(Part { kind, axis: 255, element_bytes: 1, bytes: text.as_bytes().to_vec() });
         }
+        for (number, level) in (1u16..).zip(scene.of_levels()).collect::<Vec<_>>().into_iter().rev() {
+            let bytes = Parts::of_scene(&level).file();
+            sections.push(Part { kind: 0x8000 + number, axis: 255, element_bytes: 1, bytes });
+        }
         for &axis in &Axis::ALL[..scene.lanes] {
             sections.extend(lane_parts(&pack(scene, axis).view()));
         }
@@ -46,6 +50,24 @@ impl Parts {
         let mut header = adjsplat::arena::layout::header_of(&scene.facts());
         header.minor = U16::new(scene.minor);
         Parts { header, sections }
+    }
+
+    /// The parts of a sound file.
+    pub(crate) fn of_file(file: &[u8]) -> Parts {
+        let arena = Arena::new(file).expect("it is sound");
+        let (header, _) = FileHeader::read_from_prefix(file).expect("it has a header");
+        let part = |entry: &SectionEntry| Part {
+            kind: entry.kind.get(),
+            axis: entry.axis,
+            element_bytes: entry.element_bytes,
+            bytes: arena.section_bytes(entry).to_vec(),
+        };
+        Parts { header, sections: arena.sections().iter().map(part).collect() }
+    }
+
+    /// The section of the level of this number.
+    pub(crate) fn level(&mut self, number: u16) -> &mut Part {
+        self.sections.iter_mut().find(|s| s.kind == 0x8000 + number).expect("the file has it")
     }
 
     /// The section of `kind` in the lane along `axis`.
@@ -139,16 +161,18 @@ pub(crate) fn voxels_of(lane: &Lane) -> Vec<Voxel> {
             at[u] = u16::try_from(line.u).unwrap();
             at[v] = u16::try_from(line.v).unwrap();
             at[lane.axis.index()] = u16::try_from(coordinate).unwrap();
-            let (value, normal) = (lane.value_code(index), lane.normal_code(index));
-            voxels.push((at, Record { value, normal, magnitude: lane.magnitude_code(index), coverage: 0 }));
+            voxels.push((at, lane.record(index)));
         }
     }
     voxels.sort_by_key(|&([x, y, z], _)| [z, y, x]);
     voxels
 }
 
-/// A line of text a voxel: `x y z value normal magnitude`.
-pub(crate) fn listing(voxels: &[Voxel]) -> String {
-    let line = |&([x, y, z], r): &Voxel| format!("{x} {y} {z} {} {} {}\n", r.value, r.normal, r.magnitude);
+/// A line of text a voxel: `x y z value normal magnitude`, and the coverage if there are any.
+pub(crate) fn listing(voxels: &[Voxel], channels: Channels) -> String {
+    let line = |&([x, y, z], r): &Voxel| {
+        let coverage = if channels.coverage_bits == 0 { String::new() } else { format!(" {}", r.coverage) };
+        format!("{x} {y} {z} {} {} {}{coverage}\n", r.value, r.normal, r.magnitude)
+    };
     voxels.iter().map(line).collect()
 }

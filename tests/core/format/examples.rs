@@ -4,8 +4,9 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::sync::Once;
 
-use adjsplat::arena::Arena;
-use adjsplat::file::arena_bytes;
+use adjsplat::arena::{Arena, LaneRows, Levels};
+use adjsplat::build::Unobserved;
+use adjsplat::file::{RowsOutput, arena_bytes, write_rows};
 use adjsplat::internals::{stored_transfer, transpose};
 use adjsplat::volume::Axis;
 use sha2::{Digest, Sha256};
@@ -60,21 +61,31 @@ fn result_of(name: &str, file: &[u8]) -> String {
         let comma = if index > 0 { "," } else { "" };
         write!(line, "{comma}{}:{}", lane.axis.name(), lane.stepping_voxels).unwrap();
     }
-    let hash = Sha256::digest(listing(&voxels_of(&arena.lane(Axis::X).unwrap())));
-    write!(line, " content=").unwrap();
-    hash[..8].iter().for_each(|byte| write!(line, "{byte:02x}").unwrap());
+    write!(line, " content={}", content(&arena)).unwrap();
+    for number in 1..=arena.level_count() {
+        let level = arena.level(number).unwrap();
+        let [x, y, z] = level.facts().grid.dims;
+        write!(line, " level{number}={x}x{y}x{z}:{}:{}", level.facts().visible_voxels, content(&level)).unwrap();
+    }
     line
+}
+
+/// The hash of the voxels of an arena.
+fn content(arena: &Arena) -> String {
+    let hash = Sha256::digest(listing(&voxels_of(&arena.lane(Axis::X).unwrap()), arena.facts().channels));
+    hash[..8].iter().fold(String::new(), |text, byte| text + &format!("{byte:02x}"))
 }
 
 const HEAD: &str = "\
 # One line a file.
 #   NAME ok DIMS visible=VOXELS stepping=LANE:STEPPING_VOXELS,... content=HASH
+#       level1=DIMS:VOXELS:HASH ...     on the same line, if there are levels
 #   NAME open RULE BYTE     must be refused when it is opened, by that rule, at that byte
 #   NAME check RULE BYTE    opens, and must be refused by the check
 # RULE is the first broken rule and BYTE the place of the fault, both by section 7.1 of adj-1.md.
 # HASH: first 16 digits of SHA-256 over a text of one line a voxel, by z, then y, then x: the decimal numbers
 # x, y, z, value code, normal code, magnitude code with a space between and a line feed after; 0 for a channel
-# that the file does not have.
+# that the file does not have. If the file has coverages, the coverage code follows.
 ";
 
 #[test]
@@ -110,7 +121,7 @@ fn every_example_has_the_expected_result() {
 fn every_rule_has_a_file_that_breaks_it() {
     bless();
     let expected = std::fs::read_to_string(folder().join("expected.txt")).unwrap();
-    for rule in 1..=22 {
+    for rule in 1..=26 {
         let rule = format!("R{rule}");
         let broken = expected.lines().any(|line| line.split(' ').nth(2) == Some(&rule));
         assert!(broken, "no example breaks {rule}");
@@ -141,7 +152,7 @@ fn valid_examples_hold_their_scenes_in_every_lane() {
 #[test]
 fn the_library_writes_the_same_files() {
     let mut compared = 0;
-    for scene in scenes().iter().filter(|scene| scene.extra.is_empty()) {
+    for scene in scenes().iter().filter(|scene| scene.extra.is_empty() && scene.levels == 0) {
         // A scene without a description is one that the library's writer does not write.
         let Some(description) = &scene.description else { continue };
         let lanes: Vec<_> = Axis::ALL[..scene.lanes].iter().map(|&axis| pack(scene, axis)).collect();
@@ -150,6 +161,44 @@ fn the_library_writes_the_same_files() {
         compared += 1;
     }
     assert!(compared >= 10);
+}
+
+#[test]
+fn the_library_writes_the_same_levels() {
+    let folder = tempfile::tempdir().unwrap();
+    for scene in scenes().iter().filter(|scene| scene.levels > 0) {
+        let lane = pack(scene, Axis::X);
+        let rows = LaneRows::new(lane.view(), |_, _, record| Some(record));
+        let output = RowsOutput {
+            facts: scene.facts(),
+            description: scene.description.as_deref().unwrap(),
+            lane_count: u8::try_from(scene.lanes).unwrap(),
+            memory: None,
+            threads: 2,
+            levels: Levels::Count(scene.levels),
+        };
+        let path = folder.path().join(scene.name);
+        write_rows(&path, &rows, &output, &mut Unobserved).unwrap();
+        assert!(std::fs::read(&path).unwrap() == Parts::of_scene(scene).file(), "{}", scene.name);
+    }
+}
+
+#[test]
+fn levels_hold_their_scenes_in_every_lane() {
+    for scene in scenes() {
+        let file = Parts::of_scene(&scene).file();
+        let arena = Arena::new(&file).unwrap();
+        assert_eq!(arena.level_count(), scene.levels);
+        for (number, level) in (1..).zip(scene.of_levels()) {
+            let found = arena.level(number).unwrap();
+            assert_eq!(found.facts(), &level.facts(), "{} level {number}", scene.name);
+            let mut voxels = level.voxels.clone();
+            voxels.sort_by_key(|&([x, y, z], _)| [z, y, x]);
+            for lane in found.lanes() {
+                assert_eq!(voxels_of(&lane), voxels, "{} level {number}", scene.name);
+            }
+        }
+    }
 }
 
 #[test]

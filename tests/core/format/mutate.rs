@@ -1,5 +1,6 @@
 //! How mutants are made: see [`crate::format::mutants`] for the three kinds.
 
+use adjsplat::arena::Arena;
 use adjsplat_tests::random::Random;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -239,7 +240,15 @@ fn mutate(parts: &mut Parts, random: &mut Random) {
         }
         _ => {
             let index = random.index(parts.sections.len());
-            mutate_section(&mut parts.sections[index], random);
+            let part = &mut parts.sections[index];
+            if (0x8001..=0x800f).contains(&part.kind) && random.below(8) != 0 && Arena::new(&part.bytes).is_ok() {
+                // A level is a file: one thing of that changes.
+                let mut level = Parts::of_file(&part.bytes);
+                mutate(&mut level, random);
+                part.bytes = level.file();
+            } else {
+                mutate_section(part, random);
+            }
         }
     }
 }

@@ -1,21 +1,42 @@
-//! The slow twin of `Arena::check`: rules R13 to R20, read off adj-1.md with sets and maps instead of sums.
+//! The slow twin of `Arena::check`: rules R13 to R20, R25 and R26, read off adj-1.md with sets and maps instead of sums.
 //!
 //! It shares the record structs with the library and nothing else.
-
-use std::collections::BTreeMap;
 
 use adjsplat::arena::{Arena, Lane, LineEnds, Record};
 use adjsplat::volume::Axis;
 
-/// Whether the lanes of an arena that opened are sound.
+use crate::coarser::{Voxels, coarser, coarser_grid};
+use crate::format::mutants::is_whole;
+
+/// Whether the lanes and the levels of an arena that opened are sound.
 pub(crate) fn sound(arena: &Arena) -> bool {
+    lanes_agree(arena).is_some_and(|voxels| levels_follow(arena, voxels))
+}
+
+/// The voxels of all lanes, if these are sound and the same.
+fn lanes_agree(arena: &Arena) -> Option<Voxels> {
     let lanes: Option<Vec<_>> = arena.lanes().map(|lane| voxels(&lane, arena)).collect();
-    let Some(lanes) = lanes else { return false };
-    lanes.iter().all(|lane| lane.len() as u64 == arena.facts().visible_voxels && *lane == lanes[0])
+    let lanes = lanes?;
+    let agree = lanes.iter().all(|lane| lane.len() as u64 == arena.facts().visible_voxels && *lane == lanes[0]);
+    lanes.into_iter().next().filter(|_| agree)
+}
+
+/// Whether each level is whole and sound, and has the voxels that follow from the level below.
+fn levels_follow(arena: &Arena, mut voxels: Voxels) -> bool {
+    let description = serde_json::from_slice(arena.description()).unwrap_or(serde_json::Value::Null);
+    let is_labels = description["transfer_function"]["kind"] == "labels";
+    let (mut grid, mut channels) = (arena.facts().grid.clone(), arena.facts().channels);
+    (1..=arena.level_count()).all(|number| {
+        let level = arena.level(number).expect("it opened with the file");
+        let Some((coarse, factors)) = coarser_grid(&grid) else { return false };
+        voxels = coarser(&voxels, channels, factors, is_labels);
+        (grid, channels.coverage_bits) = (coarse, 8);
+        is_whole(level.bytes(), &level) && lanes_agree(&level).as_ref() == Some(&voxels)
+    })
 }
 
 /// The voxels of a lane; `None` if any rule is broken.
-fn voxels(lane: &Lane, arena: &Arena) -> Option<BTreeMap<[u32; 3], Record>> {
+fn voxels(lane: &Lane, arena: &Arena) -> Option<Voxels> {
     let ends: Vec<u64> = match lane.line_ends {
         LineEnds::Narrow(ends) => ends.iter().map(|e| e.get().into()).collect(),
         LineEnds::Wide(ends) => ends.iter().map(|e| e.get().into()).collect(),
@@ -23,7 +44,7 @@ fn voxels(lane: &Lane, arena: &Arena) -> Option<BTreeMap<[u32; 3], Record>> {
     let [u_axis, v_axis] = lane.axis.others().map(Axis::index);
     let along = lane.axis.index();
     let (mut line, mut record, mut last_key) = (0usize, 0usize, None);
-    let mut found = BTreeMap::new();
+    let mut found = Voxels::new();
     for tile in lane.tiles {
         let key = arena.facts().tile_order.key(tile.tile_u.get(), tile.tile_v.get());
         if tile.occupancy.get() == 0 || last_key >= Some(key) {
@@ -59,7 +80,8 @@ fn voxels(lane: &Lane, arena: &Arena) -> Option<BTreeMap<[u32; 3], Record>> {
                     let mut at = [0; 3];
                     (at[u_axis], at[v_axis], at[along]) = (u, v, coordinate);
                     coordinates.push(coordinate);
-                    if coordinate >= lane.dims[along] || found.insert(at, codes).is_some() {
+                    let is_uncovered = lane.channels.coverage_bits > 0 && codes.coverage == 0;
+                    if coordinate >= lane.dims[along] || is_uncovered || found.insert(at, codes).is_some() {
                         return None;
                     }
                 }

@@ -2,9 +2,10 @@
 
 use std::process::{Command, Output};
 
-use adjsplat::arena::Arena;
+use adjsplat::arena::{Arena, coverage_share};
 use adjsplat::classify::MagnitudeCodec;
 use adjsplat::classify::normal::{decode8, decode16};
+use adjsplat::volume::Axis;
 use adjsplat_tests::skipped;
 
 use crate::format::assemble::{Parts, listing, voxels_of};
@@ -37,7 +38,7 @@ fn the_python_reader_sees_every_voxel_as_the_library_does() {
         let arena = Arena::new(&file).unwrap();
         for lane in arena.lanes() {
             expected += &format!("# {} lane {}\n", scene.name, lane.axis.name());
-            expected += &listing(&voxels_of(&lane));
+            expected += &listing(&voxels_of(&lane), scene.channels);
         }
     }
     let names = scenes.iter().map(|scene| scene.name);
@@ -51,9 +52,25 @@ fn the_python_reader_sees_every_voxel_as_the_library_does() {
 }
 
 #[test]
+fn the_python_reader_sees_every_level_as_the_library_does() {
+    for scene in scenes().iter().filter(|scene| scene.levels > 0) {
+        for (number, level) in (1..).zip(scene.of_levels()) {
+            let Some(output) = read_adj(&["--list", "--lane", "x", "--level", &format!("{number}"), scene.name]) else {
+                return;
+            };
+            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+            let file = Parts::of_scene(&level).file();
+            let lane = Arena::new(&file).unwrap().lane(Axis::X).unwrap();
+            let expected = format!("# {} lane x\n{}", scene.name, listing(&voxels_of(&lane), level.channels));
+            assert_eq!(String::from_utf8(output.stdout).unwrap(), expected, "{} level {number}", scene.name);
+        }
+    }
+}
+
+#[test]
 fn the_python_reader_decodes_codes_as_the_library_does() {
-    let names = ["all-channels.adj", "bytes-and-normals.adj", "magnitudes-only.adj"];
-    let Some(output) = read_adj(&["--decoded", "--lane", "x", names[0], names[1], names[2]]) else { return };
+    let names = ["all-channels.adj", "bytes-and-normals.adj", "magnitudes-only.adj", "coverage.adj"];
+    let Some(output) = read_adj(&[&["--decoded", "--lane", "x"], &names[..]].concat()) else { return };
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let got = String::from_utf8(output.stdout).unwrap();
     let mut rows = got.lines().filter(|line| !line.starts_with('#'));
@@ -72,7 +89,11 @@ fn the_python_reader_decodes_codes_as_the_library_does() {
             let expected = at.map(f64::from).into_iter().chain([value]).chain(normal.map(f64::from));
             let magnitude = magnitudes.decode(record.magnitude);
             let numbers = rows.next().expect("a row a voxel").split(' ').map(|number| number.parse::<f64>().unwrap());
-            for (got, expected) in numbers.zip(expected.chain([magnitude])) {
+            let share = (scene.channels.coverage_bits > 0).then(|| coverage_share(record.coverage));
+            let expected: Vec<f64> = expected.chain([magnitude]).chain(share).collect();
+            let numbers: Vec<f64> = numbers.collect();
+            assert_eq!(numbers.len(), expected.len());
+            for (got, expected) in numbers.into_iter().zip(expected) {
                 // The library decodes to single precision.
                 assert!((got - expected).abs() <= 2e-7 * expected.abs().max(1.0), "{}: {got} {expected}", scene.name);
             }
@@ -105,6 +126,20 @@ fn the_python_reader_refuses_what_it_cannot_read() {
         ("R22", "x-description-number.adj"),
         ("R22", "x-description-surrogate.adj"),
         ("R22", "x-description-bom.adj"),
+        ("R10", "x-coverage-lacking.adj"),
+        ("R10", "x-level-axis.adj"),
+        ("R11", "x-level-elements.adj"),
+        ("R23", "x-levels-rising.adj"),
+        ("R23", "x-level-twice.adj"),
+        ("R23", "x-level-1-lacking.adj"),
+        ("R23", "x-level-after-lane.adj"),
+        ("R4", "x-level-cut.adj"),
+        ("R24", "x-level-in-level.adj"),
+        ("R24", "x-level-dims.adj"),
+        ("R24", "x-level-origin.adj"),
+        ("R24", "x-level-scale.adj"),
+        ("R24", "x-level-uncovered.adj"),
+        ("R24", "x-level-description.adj"),
     ];
     let Some(output) = read_adj(&refused.map(|(_, name)| name)) else { return };
     let messages = String::from_utf8_lossy(&output.stderr).into_owned();

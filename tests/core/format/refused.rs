@@ -4,7 +4,7 @@
 use adjsplat::arena::layout::SectionKind;
 use adjsplat::volume::Axis;
 
-use crate::format::assemble::{Parts, repair_header};
+use crate::format::assemble::{Part, Parts, repair_header};
 use crate::format::scenes::{Scene, scenes};
 
 /// Bytes of a field of the header or of the first entries of the table, by their offset in adj-1.md.
@@ -31,6 +31,21 @@ fn patched(base: &str, change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
     file
 }
 
+/// The file of a level of `base`.
+fn level_of(base: &str, number: u16) -> Vec<u8> {
+    parts(base).level(number).bytes.clone()
+}
+
+/// The example of levels with one of them changed, offsets and checksums right.
+fn in_level(number: u16, change: impl FnOnce(&mut Parts)) -> Vec<u8> {
+    rebuilt("levels.adj", |parts| {
+        let level = parts.level(number);
+        let mut inner = Parts::of_file(&level.bytes);
+        change(&mut inner);
+        level.bytes = inner.file();
+    })
+}
+
 /// The worked example with another description.
 pub(crate) fn described(text: &str) -> Vec<u8> {
     rebuilt("worked.adj", |p| p.sections[0].bytes = text.as_bytes().to_vec())
@@ -38,10 +53,12 @@ pub(crate) fn described(text: &str) -> Vec<u8> {
 
 /// Every file that must be refused.
 pub(crate) fn refused() -> Vec<(&'static str, Vec<u8>)> {
-    use SectionKind::{LineEnds, Steps, Tiles, Values};
+    use SectionKind::{Coverage, LineEnds, Steps, Tiles, Values};
     let x = Axis::X;
     // The worked example's table: description, tiles, line ends, steps, values.
     let worked = "worked.adj";
+    // Its table: description, levels 4 to 1, tiles ...
+    let levels = "levels.adj";
     let put = |file: &mut Vec<u8>, at: usize, bytes: &[u8]| file[at..at + bytes.len()].copy_from_slice(bytes);
     vec![
         ("x-magic.adj", rebuilt(worked, |p| p.header.magic[4] = b'\n')),
@@ -173,5 +190,66 @@ pub(crate) fn refused() -> Vec<(&'static str, Vec<u8>)> {
         ("x-description-number.adj", described("{\"a\":1e999}")),
         ("x-description-surrogate.adj", described("{\"a\":\"\\ud800\"}")),
         ("x-description-bom.adj", described("\u{feff}{}")),
+        ("x-coverage-lacking.adj", rebuilt("coverage.adj", |p| p.sections.retain(|s| s.kind != 0x8010 || s.axis == 0))),
+        ("x-coverage-wide.adj", rebuilt("coverage.adj", |p| p.section(Coverage, x).element_bytes = 2)),
+        ("x-coverage-none.adj", rebuilt("coverage.adj", |p| p.section(Coverage, x).bytes[3] = 0)),
+        ("x-coverage-differs.adj", rebuilt("coverage.adj", |p| p.section(Coverage, Axis::Y).bytes[3] ^= 1)),
+        ("x-level-axis.adj", rebuilt(levels, |p| p.level(2).axis = 0)),
+        ("x-level-elements.adj", rebuilt(levels, |p| p.level(2).element_bytes = 2)),
+        ("x-levels-rising.adj", rebuilt(levels, |p| p.sections.swap(3, 4))),
+        ("x-level-twice.adj", rebuilt(levels, |p| p.sections.insert(3, p.sections[3].clone()))),
+        ("x-level-1-lacking.adj", rebuilt(levels, |p| p.sections.retain(|s| s.kind != 0x8001))),
+        ("x-level-3-lacking.adj", rebuilt(levels, |p| p.sections.retain(|s| s.kind != 0x8003))),
+        ("x-level-after-lane.adj", {
+            rebuilt(levels, |p| {
+                let level = p.sections.remove(4);
+                p.sections.push(level);
+            })
+        }),
+        ("x-level-cut.adj", rebuilt(levels, |p| p.level(2).bytes.truncate(400))),
+        ("x-level-no-file.adj", rebuilt(levels, |p| p.level(2).bytes.clear())),
+        (
+            "x-level-in-level.adj",
+            in_level(2, |p| {
+                p.sections.insert(1, Part { kind: 0x8001, axis: 255, element_bytes: 1, bytes: level_of(levels, 3) })
+            }),
+        ),
+        ("x-level-dims.adj", in_level(1, |p| p.header.dims[0].set(8))),
+        ("x-level-spacing.adj", in_level(1, |p| p.header.spacing[2].set(2.5))),
+        ("x-level-origin.adj", in_level(1, |p| p.header.origin[0].set(-1.0))),
+        ("x-level-direction.adj", in_level(1, |p| p.header.direction[0][0].set(-1.0))),
+        ("x-level-order.adj", in_level(4, |p| p.header.tile_order = 2)),
+        ("x-level-scale.adj", in_level(1, |p| p.header.value_low.set(101.0))),
+        ("x-level-uncovered.adj", in_level(1, |p| p.sections.retain(|s| s.kind != 0x8010))),
+        ("x-level-no-normals.adj", {
+            in_level(1, |p| {
+                p.header.normal_bits = 0;
+                p.sections.retain(|s| s.kind != SectionKind::Normals as u16);
+            })
+        }),
+        ("x-level-fewer-lanes.adj", {
+            rebuilt("levels-lanes.adj", |p| {
+                let level = p.level(2);
+                let mut parts = Parts::of_file(&level.bytes);
+                parts.sections.retain(|s| s.axis != 2);
+                level.bytes = parts.file();
+            })
+        }),
+        ("x-level-description.adj", in_level(2, |p| p.sections[0].bytes = b"{ }".to_vec())),
+        ("x-level-no-object.adj", in_level(2, |p| p.sections[0].bytes = b"[]".to_vec())),
+        ("x-level-checksum.adj", {
+            rebuilt(levels, |p| {
+                let bytes = &mut p.level(3).bytes;
+                let last = bytes.len() - 256;
+                bytes[last] ^= 1;
+            })
+        }),
+        ("x-level-step.adj", in_level(3, |p| p.section(Steps, x).bytes[0] = 200)),
+        ("x-level-coverage-none.adj", in_level(3, |p| p.section(Coverage, x).bytes[0] = 0)),
+        ("x-level-value.adj", in_level(3, |p| p.section(Values, x).bytes[0] ^= 1)),
+        ("x-level-coverage.adj", in_level(1, |p| p.section(Coverage, x).bytes[0] ^= 1)),
+        ("x-level-normal.adj", in_level(1, |p| p.section(SectionKind::Normals, x).bytes[0] ^= 1)),
+        // The same voxels; another function decides whether values are labels.
+        ("x-level-labels.adj", rebuilt("levels-labels.adj", |p| p.sections[0].bytes = b"{}".to_vec())),
     ]
 }

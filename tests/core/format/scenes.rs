@@ -6,6 +6,7 @@ use adjsplat::arena::{Channels, TileOrder};
 use adjsplat::volume::Grid;
 use adjsplat_tests::random::Random;
 
+use crate::coarser::{coarser, coarser_grid};
 use crate::format::assemble::{Part, Voxel};
 
 /// One valid file.
@@ -21,12 +22,19 @@ pub(crate) struct Scene {
     pub(crate) description: Option<String>,
     pub(crate) minor: u16,
     pub(crate) extra: Vec<Part>,
+    /// Number of coarser levels of detail.
+    pub(crate) levels: u8,
+    /// Where the points lie, if not where those of the other scenes do.
+    pub(crate) grid: Option<Grid>,
 }
 
 impl Scene {
     pub(crate) fn facts(&self) -> Facts {
-        let mut grid = Grid::new(self.dims.map(u64::from), [0.5, 1.0, 2.0]).unwrap();
-        grid.origin = [-1.0, 0.0, 3.5];
+        let grid = self.grid.clone().unwrap_or_else(|| {
+            let mut grid = Grid::new(self.dims.map(u64::from), [0.5, 1.0, 2.0]).unwrap();
+            grid.origin = [-1.0, 0.0, 3.5];
+            grid
+        });
         let magnitude_scale = if self.channels.magnitude_bits == 0 { 0.0 } else { 93.5 };
         Facts {
             grid,
@@ -35,6 +43,34 @@ impl Scene {
             scales: Scales { value_low: 100.0, value_step: 0.5, magnitude_scale },
             visible_voxels: self.voxels.len() as u64,
         }
+    }
+
+    /// Whether its values are labels.
+    fn is_labels(&self) -> bool {
+        self.description.as_ref().is_some_and(|text| text.contains(r#""kind":"labels""#))
+    }
+
+    /// The scene of each level, level 1 first.
+    pub(crate) fn of_levels(&self) -> Vec<Scene> {
+        let mut scenes: Vec<Scene> = Vec::new();
+        for _ in 0..self.levels {
+            let below = scenes.last().unwrap_or(self);
+            let (grid, factors) = coarser_grid(&below.facts().grid).expect("the example's grid has so many levels");
+            let voxels = below.voxels.iter().map(|&(at, record)| (at.map(u32::from), record)).collect();
+            let voxels = coarser(&voxels, below.channels, factors, self.is_labels());
+            let narrow = |at: [u32; 3]| at.map(|c| u16::try_from(c).unwrap());
+            scenes.push(Scene {
+                dims: grid.dims,
+                channels: Channels { coverage_bits: 8, ..self.channels },
+                voxels: voxels.into_iter().map(|(at, record)| (narrow(at), record)).collect(),
+                description: Some("{}".to_owned()),
+                extra: Vec::new(),
+                levels: 0,
+                grid: Some(grid),
+                ..self.clone()
+            });
+        }
+        scenes
     }
 }
 
@@ -45,7 +81,19 @@ fn channels(value_bits: u8, normal_bits: u8, magnitude_bits: u8) -> Channels {
 fn scene(name: &'static str, dims: [u32; 3], channels: Channels, lanes: usize, voxels: Vec<Voxel>) -> Scene {
     let description = Some(r#"{"generator":"by hand"}"#.to_owned());
     let tile_order = TileOrder::Morton;
-    Scene { name, dims, channels, tile_order, lanes, voxels, description, minor: 0, extra: Vec::new() }
+    Scene {
+        name,
+        dims,
+        channels,
+        tile_order,
+        lanes,
+        voxels,
+        description,
+        minor: 0,
+        extra: Vec::new(),
+        levels: 0,
+        grid: None,
+    }
 }
 
 /// `count` voxels at random places, with random codes as wide as the channels.
@@ -59,7 +107,8 @@ fn scattered(seed: u64, dims: [u32; 3], channels: Channels, count: usize) -> Vec
         let normal = u32::try_from(code(2 * channels.normal_bits)).unwrap();
         let magnitude = u8::try_from(code(channels.magnitude_bits)).unwrap();
         if voxels.iter().all(|voxel| voxel.0 != at) {
-            voxels.push((at, Record { value, normal, magnitude, coverage: 0 }));
+            let coverage = u8::try_from(if channels.coverage_bits == 0 { 0 } else { 1 + random.below(255) }).unwrap();
+            voxels.push((at, Record { value, normal, magnitude, coverage }));
         }
     }
     voxels
@@ -97,6 +146,11 @@ pub(crate) fn scenes() -> Vec<Scene> {
         |name, tile_order, lanes| Scene { tile_order, ..scene(name, dims_of_curves, bytes, lanes, on_curves.clone()) };
     let wide = channels(16, 16, 8);
     let narrow = channels(8, 8, 0);
+    let covered = Channels { coverage_bits: 8, ..channels(8, 0, 0) };
+    let few_labels = scattered(11, [8, 4, 4], covered, 70)
+        .into_iter()
+        .map(|(at, record)| (at, Record { value: record.value % 3 + 1, ..record }))
+        .collect();
     vec![
         // The example that adj-1.md prints: two lines, one stepping voxel.
         scene("worked.adj", [300, 2, 1], bytes, 1, numbered(&[[1, 0, 0], [2, 0, 0], [299, 1, 0]])),
@@ -127,6 +181,27 @@ pub(crate) fn scenes() -> Vec<Scene> {
             minor: 9,
             extra: vec![Part { kind: 0x8123, axis: 255, element_bytes: 3, bytes: b"abcdef".to_vec() }],
             ..scene("later-minor.adj", [4, 4, 4], bytes, 1, scattered(6, [4, 4, 4], bytes, 9))
+        },
+        // A level of detail by itself: voxels that are partly visible.
+        Scene { minor: 1, ..scene("coverage.adj", [9, 8, 7], covered, 2, scattered(8, [9, 8, 7], covered, 50)) },
+        // Coarser levels. Of an axis with a small spacing more points become one; an odd number of points has a last block
+        // that is not whole.
+        Scene {
+            minor: 1,
+            levels: 4,
+            ..scene("levels.adj", [13, 9, 6], narrow, 1, scattered(9, [13, 9, 6], narrow, 90))
+        },
+        Scene {
+            minor: 1,
+            levels: 2,
+            ..scene("levels-lanes.adj", [9, 5, 4], wide, 3, scattered(10, [9, 5, 4], wide, 60))
+        },
+        // Labels are not averaged. The level below has coverages too.
+        Scene {
+            minor: 1,
+            levels: 2,
+            description: Some(r#"{"transfer_function":{"kind":"labels","labels":[]}}"#.to_owned()),
+            ..scene("levels-labels.adj", [8, 4, 4], covered, 1, few_labels)
         },
     ]
 }

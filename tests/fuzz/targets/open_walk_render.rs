@@ -1,4 +1,4 @@
-//! Any bytes as an `.adj` file: opened, checked, walked in every order of its lanes, transposed and drawn.
+//! Any bytes as an `.adj` file: opened, checked, walked in every order of its lanes, transposed and drawn; its levels too.
 //!
 //! Checksums stop most of what a fuzzer does, so they are put right first unless the first bit of the input's last
 //! byte says not to; that byte is then dropped.
@@ -20,6 +20,12 @@ fuzz_target!(|input: &[u8]| {
     }
     let Ok(arena) = Arena::new(&file) else { return };
     let sound = arena.check().is_ok();
+    for level in 0..=arena.level_count() {
+        use_up(&arena.level(level).expect("levels opened with the file"), sound, *choice);
+    }
+});
+
+fn use_up(arena: &Arena, sound: bool, choice: u8) {
     let dims = arena.facts().grid.dims;
     for lane in arena.lanes() {
         for nesting in 0..6 {
@@ -37,8 +43,8 @@ fuzz_target!(|input: &[u8]| {
     }
     let x_lane = arena.lane(Axis::X).expect("every arena that opens has it");
     transpose(&x_lane, if choice & 16 == 0 { Axis::Y } else { Axis::Z }, arena.facts().tile_order);
-    draw(&arena, *choice);
-});
+    draw(arena, choice);
+}
 
 /// Walks a lane; a sound one gives each voxel once and inside the grid.
 fn visit(lane: &Lane, order: &Order, sound: bool) {

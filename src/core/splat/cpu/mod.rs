@@ -83,9 +83,8 @@ pub fn render_without(
     }
     let (mut frame, mut stats) = (Frame::transparent(settings.size)?, Stats::default());
     for part in parts {
-        let lanes = part.lanes(scene);
-        let (behind, work) =
-            draw_scene(&part.scene(scene, &lanes), camera, &part.settings(settings), None, Instant::now())?;
+        let level = part.scene(scene)?;
+        let (behind, work) = draw_scene(&level.scene(), camera, &part.settings(settings), None, Instant::now())?;
         frame.put_behind(&behind, settings.mode);
         stats.add(&work);
     }
