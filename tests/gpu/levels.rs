@@ -21,8 +21,6 @@ use crate::scenes::inside;
 
 const LEAST_DB: f64 = 50.0;
 const PLENTY: u64 = 512 << 20;
-/// Widths of coverages.
-const COVERAGE_BITS: [u8; 1] = [8];
 
 /// A structure with two coarser levels of detail.
 pub(crate) struct Levelled {
@@ -115,7 +113,7 @@ fn widen(level: &mut Built) {
 /// A function of which the sheets let most light through.
 fn faint() -> TransferFunction {
     transfer(
-        r##"{ "kind": "points", "shaded": true, "reference_length": 1.3, "points": [
+        r##"{ "kind": "points", "shaded": true, "points": [
         { "value": 100, "colour": "#ff2010", "opacity": 0.004 },
         { "value": 128, "colour": "#20c040", "opacity": 0.03 },
         { "value": 156, "colour": "#2030ff", "opacity": 0.004 }] }"##,
@@ -151,8 +149,9 @@ pub(crate) fn draft(size: [u32; 2]) -> Settings {
 #[test]
 fn a_level_is_what_the_processor_draws_of_it() {
     let size = [88, 80];
-    for coverage_bits in COVERAGE_BITS {
-        let levelled = Levelled::new([47, 50, 45], [1.0, 1.1, 0.9], &faint(), coverage_bits);
+    for coverage_bits in [8, 16] {
+        let function = if coverage_bits == 8 { faint() } else { faint().with_reference_length(1.3).unwrap() };
+        let levelled = Levelled::new([47, 50, 45], [1.0, 1.1, 0.9], &function, coverage_bits);
         let base = &levelled.levels[0];
         let glossy = Lighting { specular: 0.6, shininess: 20, ..Lighting::default() };
         let high = Settings::every_pixel(size).with_quality(Quality::High).with_lighting(glossy);
@@ -196,7 +195,7 @@ fn a_level_is_what_the_processor_draws_of_it() {
 #[test]
 fn several_levels_in_one_picture_are_what_the_processor_draws() {
     let size = [72, 64];
-    for coverage_bits in COVERAGE_BITS {
+    for coverage_bits in [8, 16] {
         let (levelled, camera) = long(coverage_bits);
         for (compositor, sense) in compositors().zip([Sense::FrontToBack, Sense::BackToFront].into_iter().cycle()) {
             let Some(mut renderer) = renderer(levelled.scene(), compositor, PLENTY) else { return };

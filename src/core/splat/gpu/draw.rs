@@ -188,7 +188,7 @@ impl FrameDraw<'_, '_, '_> {
         uniform.initial_alpha = self.blend.initial_alpha();
         uniform.uses_magnitude = looks.on_device.uses_magnitude.into();
         uniform.mask_words = u32::try_from(mask_words(self.plan.slots.into())).expect("few words");
-        uniform.scale_depths(looks.depth_factor(self.renderer.scene.transfer, shot.view.mean_voxel));
+        uniform.scale_depths(looks.depth_factor(shot.view.mean_voxel));
         uniform
     }
 

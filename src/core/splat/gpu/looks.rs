@@ -49,9 +49,9 @@ impl<'a> LookTables<'a> {
         16 * codes + 4 * pairs
     }
 
-    /// Computes the tables and copies them to the device, unless those that are there hold. `scene` is of the level `level`,
-    /// whose mean spacing is `mean_voxel`, as is `lane`, or else the mode is [`Mode::Composite`], where looks do not depend on
-    /// the voxels.
+    /// Computes the tables and copies them to the device, unless those that are there hold. `scene` is of the level `level`, as
+    /// is `lane`, unless the mode is [`Mode::Composite`], where looks do not depend on the voxels; `mean_voxel` is the mean
+    /// spacing of level 0.
     pub(crate) fn new(
         context: &Context,
         (level, scene): (usize, &Scene<'a>),
@@ -92,8 +92,10 @@ impl<'a> LookTables<'a> {
 
     /// Returns the factor from the tables' depths to those of a level whose mean spacing is `mean_voxel`.
     #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
-    pub(crate) fn depth_factor(&self, transfer: &TransferFunction, mean_voxel: f64) -> f32 {
-        transfer.reference_length().map_or(1.0, |_| (mean_voxel / self.mean_voxel) as f32)
+    pub(crate) fn depth_factor(&self, mean_voxel: f64) -> f32 {
+        // Without an exposure of the settings, that of the table makes up for any factor.
+        let is_levelled = (self.on_device.mode, self.on_device.exposure) == (Mode::Additive, None);
+        if is_levelled { 1.0 } else { (mean_voxel / self.mean_voxel) as f32 }
     }
 
     pub(crate) fn bytes(&self) -> u64 {

@@ -49,7 +49,7 @@ use self::probe::ProbeCallback;
 pub use self::resident::Resident;
 pub use self::resolve::RenderTarget;
 use self::slab_buffers::SlabBuffers;
-use super::levels::{LanesOfLevel, LevelPart, facts_of, level_parts};
+use super::levels::{LevelPart, LevelScene, facts_of, level_parts};
 use super::setup::FrameSetup as Shot;
 use super::supersample::Supersampling;
 use super::view::{View, check_size};
@@ -274,6 +274,11 @@ impl<'a> GpuRenderer<'a> {
         Ok(parts)
     }
 
+    /// Returns the scene of a part's level; `None` for level 0, which is drawn as it is.
+    fn coarser(&self, part: &LevelPart) -> Result<Option<LevelScene<'a>>> {
+        if part.level == 0 { Ok(None) } else { part.scene(&self.scene).map(Some) }
+    }
+
     /// Returns the finest supersampling that any part asks for, as all are drawn into the same samples.
     fn supersampling(
         &self,
@@ -284,8 +289,8 @@ impl<'a> GpuRenderer<'a> {
         let mut finest = None;
         // Computing the bounds takes a pass over all tiles; pictures with one sample per pixel do not need them.
         for part in if settings.keeps_pixels() { &[] } else { parts } {
-            let lanes = part.lanes(&self.scene);
-            let scene = part.scene(&self.scene, &lanes);
+            let level = self.coarser(part)?;
+            let scene = level.as_ref().map_or(self.scene, LevelScene::scene);
             let bounds = scene.lanes.lane(Axis::X)?.bounds().map(|(low, high)| VoxelBox { low, high });
             let bounds = bounds.filter(|bounds| part.crop.is_none_or(|crop| crop.meets(bounds)));
             let asked = Supersampling::of(&scene.facts.grid, bounds, camera, &part.settings(settings))?;
@@ -362,11 +367,12 @@ impl<'a> GpuRenderer<'a> {
     ) -> Result<GpuStats> {
         let start = Instant::now();
         let scene = self.scene;
-        let lanes: Vec<LanesOfLevel> = parts.iter().map(|part| part.lanes(&scene)).collect();
-        let shot = |(part, lanes): (&LevelPart, _)| -> Result<(usize, Shot)> {
-            Ok((part.level, Shot::new(&part.scene(&scene, lanes), camera, &part.settings(settings))?))
-        };
-        let mut shots: Vec<(usize, Shot)> = parts.iter().zip(&lanes).map(shot).collect::<Result<_>>()?;
+        let levels: Vec<Option<LevelScene>> = parts.iter().map(|part| self.coarser(part)).collect::<Result<_>>()?;
+        let mut shots: Vec<(usize, Shot)> = Vec::with_capacity(parts.len());
+        for (part, level) in parts.iter().zip(&levels) {
+            let scene = level.as_ref().map_or(scene, LevelScene::scene);
+            shots.push((part.level, Shot::new(&scene, camera, &part.settings(settings))?));
+        }
         if settings.sense == Sense::BackToFront {
             shots.reverse();
         }
@@ -437,9 +443,9 @@ impl<'a> GpuRenderer<'a> {
         MemoryPlan::new(ceiling, max_binding, settings.size, table_bytes, widest, self.resident.is_software)
     }
 
-    /// Prepares the tables for all parts of a frame. Composites have those of level 0, whatever they draw: depths then differ
-    /// by a factor for each level ([`LookTables::mean_voxel`]). Frames in other modes have one part; its tables depend on what
-    /// voxels there are.
+    /// Prepares the tables for all parts of a frame. Composites have those of level 0, whatever they draw. Frames in other
+    /// modes have one part; its tables depend on what voxels there are. Depths are for the spacing of level 0: those of a
+    /// level differ by [`LookTables::depth_factor`].
     fn prepare_looks(
         &mut self,
         (level, shot): &(usize, Shot),
@@ -455,7 +461,7 @@ impl<'a> GpuRenderer<'a> {
             // The old tables are freed first: the budget counts one set of tables.
             self.looks = None;
             let there = self.resident.kept_looks.take().filter(hold);
-            let view = View::new(camera, &scene.facts.grid, settings.size, settings.kernel(), settings.near)?;
+            let view = View::new(camera, &self.scene.facts.grid, settings.size, settings.kernel(), settings.near)?;
             let (context, mean_voxel) = (&self.resident.context, view.mean_voxel);
             self.looks = Some(LookTables::new(context, (level, &scene), &shot.lane, mean_voxel, settings, there)?);
         }
