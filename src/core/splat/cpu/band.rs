@@ -24,6 +24,9 @@ pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult> 
         drawn: 0,
         blend: PhantomData,
     };
+    if let Some(front) = task.front.filter(|_| painter.stops()) {
+        front.freeze(&mut painter.buffers.tiles);
+    }
     let mut stats = task.walk(&mut painter);
     let start = Instant::now();
     painter.flush();

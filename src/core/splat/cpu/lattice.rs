@@ -23,6 +23,7 @@
 use bytemuck::Zeroable;
 use glam::{DMat3, DVec3};
 
+use super::front::Front;
 use super::project::{Coordinates, nearest_pixel};
 use super::raster::{BLOCK, COLUMN, ROW};
 use super::slab::Tiles;
@@ -57,10 +58,12 @@ struct Density {
     wide: f64,
     /// Where voxels are small.
     small: f64,
+    /// Where they are small and lie beside the points of the grid, as those of levels.
+    beside: f64,
 }
 
-const ENOUGH: Density = Density { wide: 0.93, small: 0.7 };
-const FEWEST: Density = Density { wide: 0.62, small: 0.7 };
+const ENOUGH: Density = Density { wide: 0.93, small: 0.7, beside: 0.6 };
+const FEWEST: Density = Density { wide: 0.62, small: 0.7, beside: 0.6 };
 /// The most pixels of the plane that are worthwhile per pixel of the picture, along a side, unless voxels are small.
 const PER_PIXEL: f64 = 1.35;
 /// The same where a filter follows and voxels are opaque, as their edges are finer than the filter; and the sharpness from
@@ -224,7 +227,8 @@ impl Lattice {
             return None;
         }
         let samples = move |step: f64, least: f64| (density.wide * sharpness).min(least.max(per_pixel * step * sigma));
-        let choose = |step: f64| samples(step, density.small) / sigma;
+        let small = if view.margin > 0.0 { density.beside } else { density.small };
+        let choose = |step: f64| samples(step, small) / sigma;
         let choose_far = |step: f64| samples(step, 0.0) / sigma;
         let nested = [order.slow.index(), order.fast.index(), order.medium.index()];
         let extent = BoxExtent::new(bounds, nested, kernel);
@@ -409,8 +413,8 @@ impl Lattice {
         TileRays { first, column: column_factor, shear, row: row_factor, strength, u, v }
     }
 
-    /// Returns, for each tile, row by row, whether the picture may show it.
-    pub(super) fn shown(&self) -> Vec<bool> {
+    /// Returns, for each tile, row by row, whether the picture may show it, with `front` before it.
+    pub(super) fn shown(&self, front: Option<&Front>) -> Vec<bool> {
         /// How far beyond the picture's edge tiles are drawn, in tiles: those farther away weigh below 0.268^8 in the
         /// interpolation.
         const NEAR: usize = 2;
@@ -440,7 +444,25 @@ impl Lattice {
             [first, first + across, first + down, first + down + across].iter().fold(0xff, |all, at| all & beyond[*at])
                 == 0
         };
-        (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))).map(|(r, c)| is_shown(r, c)).collect()
+        // Whether all pixels of the picture to which the tile contributes are opaque.
+        let is_hidden = |row: usize, column: usize| {
+            let Some(front) = front else { return false };
+            let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+            for [c, r] in [[0, 0], [2 * around + 1, 0], [0, 2 * around + 1], [2 * around + 1; 2]] {
+                let [x, y, w] = (to_picture * DVec3::new(corner(column + c), corner(row + r), 1.0)).to_array();
+                if w <= 0.0 {
+                    return false;
+                }
+                for (side, at) in [x / w, y / w].into_iter().enumerate() {
+                    (low[side], high[side]) = (low[side].min(at), high[side].max(at));
+                }
+            }
+            let beyond = 2.0 + 3.0 * self.low_pass.variance.sqrt();
+            let side = |side: usize| [low[side] - beyond, high[side] + beyond];
+            front.hides(side(0), side(1))
+        };
+        let tiles = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
+        tiles.map(|(row, column)| is_shown(row, column) && !is_hidden(row, column)).collect()
     }
 }
 

@@ -15,6 +15,7 @@ mod bit_rows;
 pub(crate) mod blend;
 pub(crate) mod dispatch;
 mod faint;
+mod front;
 mod gather;
 mod lattice;
 mod look_tables;
@@ -37,6 +38,7 @@ pub use self::memory::{Canvas, canvas, memory_need};
 pub use self::visible::VisibleRecords;
 
 use self::blend::{Additive, BackToFront, Blend, FrontToBack, LinearFrontToBack};
+use self::front::Front;
 use self::lattice::Lattice;
 use self::project::Projector;
 use self::task::{BandStats, DrawTask, assemble, full_rect, pixels};
@@ -79,24 +81,27 @@ pub fn render_without(
     let start = Instant::now();
     let parts = if omitted.is_some() { Vec::new() } else { level_parts(scene, camera, settings)? };
     if omitted.is_some() || matches!(parts[..], [LevelPart { level: 0, crop }] if crop == settings.crop) {
-        return draw_scene(scene, camera, settings, omitted, start);
+        return draw_scene(scene, camera, settings, omitted, None, start);
     }
     let (mut frame, mut stats) = (Frame::transparent(settings.size)?, Stats::default());
     for part in parts {
         let level = part.scene(scene)?;
-        let (behind, work) = draw_scene(&level.scene(), camera, &part.settings(settings), None, Instant::now())?;
+        let front = (settings.sense == Sense::FrontToBack).then(|| Front::new(&frame, settings.termination()));
+        let (behind, work) =
+            draw_scene(&level.scene(), camera, &part.settings(settings), None, front.as_ref(), Instant::now())?;
         frame.put_behind(&behind, settings.mode);
         stats.add(&work);
     }
     Ok((frame, stats))
 }
 
-/// Draws the voxels of a scene, whatever their level.
+/// Draws the voxels of a scene, whatever their level. `front` tells what hides them.
 fn draw_scene(
     scene: &Scene,
     camera: &Camera,
     settings: &Settings,
     omitted: Option<&RecordSet>,
+    front: Option<&Front>,
     start: Instant,
 ) -> Result<(Frame, Stats)> {
     let setup = FrameSetup::new(scene, camera, settings)?;
@@ -110,19 +115,19 @@ fn draw_scene(
     let stacks =
         |view: &View| faint::stacks(scene, &FrameSetup { view: view.clone(), ..setup.clone() }, &table, settings);
     let sampling = sampling.filter(|plane| !matches!(plane, Plane::Lattice(_)) || stacks(&setup.view).is_none());
-    let draw = |view: View| {
+    let draw = |view: View, front: Option<&Front>| {
         let settings = &Settings { size: view.size, ..settings.clone() };
         let mut setup = FrameSetup { view, ..setup.clone() };
         match faint::stacks(scene, &setup, &table, settings) {
             Some(stacks) => faint::draw(&mut setup, &table, settings, omitted, &stacks),
-            None => draw_in_mode(&setup, &table, settings, omitted),
+            None => draw_in_mode(&setup, &table, settings, omitted, front),
         }
     };
     let (frame, work) = match sampling {
-        None => draw(setup.view.clone())?,
+        None => draw(setup.view.clone(), front)?,
         Some(Plane::Lattice(lattice)) => {
             let draw = if settings.mode == Mode::Additive { warped::<Additive> } else { warped::<FrontToBack> };
-            draw(&setup, &table, settings, omitted, &lattice)?
+            draw(&setup, &table, settings, omitted, front, &lattice)?
         }
         Some(Plane::Supersampling(supersampling)) => {
             let (mut picture, mut work) = (Frame::transparent(settings.size)?, BandStats::default());
@@ -133,7 +138,7 @@ fn draw_scene(
                 if bounds.is_some_and(|bounds| pixels(&setup.view, half_widths, rect, &bounds).is_none()) {
                     continue;
                 }
-                let (drawn, strip_work) = draw(setup.view)?;
+                let (drawn, strip_work) = draw(setup.view, None)?;
                 supersampling.reduce(&drawn, &strip, settings.threads, &mut picture);
                 work.add(&strip_work);
             }
@@ -180,10 +185,12 @@ fn warped<B: Blend>(
     table: &Table,
     settings: &Settings,
     omitted: Option<&RecordSet>,
+    front: Option<&Front>,
     lattice: &Lattice,
 ) -> Result<(Frame, BandStats)> {
     let level = dispatch::level(settings.code);
-    let (plane, work) = DrawTask::new::<B>(setup, table, settings, omitted).on_lattice::<B>(lattice)?;
+    let task = DrawTask { front, ..DrawTask::new::<B>(setup, table, settings, omitted) };
+    let (plane, work) = task.on_lattice::<B>(lattice)?;
     if settings.mode == Mode::Composite {
         return Ok((warp::warp(lattice, plane, 1.0, level, settings.threads)?, work));
     }
@@ -199,15 +206,16 @@ fn draw_in_mode(
     table: &Table,
     settings: &Settings,
     omitted: Option<&RecordSet>,
+    front: Option<&Front>,
 ) -> Result<(Frame, BandStats)> {
     let draw = match (settings.mode, settings.sense) {
         (Mode::Composite, Sense::FrontToBack) if settings.blending == Blending::Linear => blended::<LinearFrontToBack>,
         (Mode::Composite, Sense::FrontToBack) => blended::<FrontToBack>,
         (Mode::Composite, Sense::BackToFront) => blended::<BackToFront>,
         (Mode::Additive, _) => blended::<Additive>,
-        (Mode::Maximum | Mode::MaximumGrey, _) => largest,
+        (Mode::Maximum | Mode::MaximumGrey, _) => return largest(setup, table, settings, omitted),
     };
-    draw(setup, table, settings, omitted)
+    draw(setup, table, settings, omitted, front)
 }
 
 /// Draws all voxels in the blend mode `B`.
@@ -216,8 +224,9 @@ fn blended<B: Blend>(
     table: &Table,
     settings: &Settings,
     omitted: Option<&RecordSet>,
+    front: Option<&Front>,
 ) -> Result<(Frame, BandStats)> {
-    let bands = DrawTask::new::<B>(setup, table, settings, omitted).splat::<B>()?;
+    let bands = DrawTask { front, ..DrawTask::new::<B>(setup, table, settings, omitted) }.splat::<B>()?;
     assemble(&bands, settings, table)
 }
 

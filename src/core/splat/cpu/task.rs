@@ -6,6 +6,7 @@
 use std::time::{Duration, Instant};
 
 use super::blend::{Additive, Blend};
+use super::front::Front;
 use super::gather::Band;
 use super::lattice::Lattice;
 use super::look_tables::LookTables;
@@ -30,6 +31,8 @@ pub(super) struct DrawTask<'a> {
     pub(super) settings: &'a Settings,
     /// Records of the lane that are not drawn.
     pub(super) omitted: Option<&'a RecordSet>,
+    /// The pixels that parts of the scene in front left open, if there are such.
+    pub(super) front: Option<&'a Front>,
     /// Where visible records are marked, if they are. Needs front-to-back compositing on one thread.
     pub(super) visible: Option<VisibleRecords<'a>>,
 }
@@ -85,7 +88,7 @@ impl<'a> DrawTask<'a> {
     ) -> DrawTask<'a> {
         let alpha_ink = if settings.blending == Blending::Sheets { Additive::ALPHA_INK } else { B::ALPHA_INK };
         let projector = Projector::new(setup, table, alpha_ink, if B::STOPS { settings.termination() } else { 0.0 });
-        DrawTask { projector, setup, settings, omitted, visible: None }
+        DrawTask { projector, setup, settings, omitted, front: None, visible: None }
     }
 
     /// Draws all splats, band by band.
@@ -110,7 +113,7 @@ impl<'a> DrawTask<'a> {
     pub(super) fn on_lattice<B: Blend>(&self, lattice: &Lattice) -> Result<(Frame, BandStats)> {
         let transmits = B::INITIAL_ALPHA > 0.0;
         let settings = &Settings { size: lattice.size, ..self.settings.clone() };
-        let shown = lattice.shown();
+        let shown = lattice.shown(self.front);
         if self.settings.code == Code::Plain {
             let bands = [plain::draw_on_lattice::<B>(self, lattice, &shown)?];
             let mut frame = Frame::transparent(lattice.size)?;

@@ -103,11 +103,22 @@ impl TileBuffer {
         self.states[index] = OPEN;
     }
 
-    /// Marks an open tile as frozen: none of its pixels changes any more.
+    /// Marks a tile as frozen: none of its pixels changes any more.
     #[inline(never)]
     pub(super) fn freeze(&mut self, index: usize, column: i32, row: i32) {
         self.states[index] = FROZEN;
         self.open.clear((row - (self.rect.y0 >> TILE)) as usize, (column - (self.rect.x0 >> TILE)) as usize);
+    }
+
+    /// Freezes those tiles, on which nothing was drawn yet, that are `chosen` by column and row of the picture's grid. Their
+    /// colours and alphas are 0.
+    pub(super) fn freeze_fresh(&mut self, chosen: impl Fn(i32, i32) -> bool) {
+        let Rect { x0, y0, x1, y1 } = self.rect;
+        for row in y0 >> TILE..=(y1 - 1) >> TILE {
+            for column in (x0 >> TILE..=(x1 - 1) >> TILE).filter(|column| chosen(*column, row)) {
+                self.freeze(self.index(column, row), column, row);
+            }
+        }
     }
 
     /// Returns whether all tiles that meet `rect`, a part of the band, are frozen.
