@@ -10,6 +10,7 @@ use wgpu::{
 };
 
 use crate::device::{device, own_device, read};
+use crate::levels::{draft, long};
 use crate::scenes::phantom;
 
 /// As wide as rows of copies ask for: 256 bytes in the narrower of the two formats.
@@ -26,6 +27,13 @@ fn texture(device: &wgpu::Device, format: TextureFormat) -> Texture {
         usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC,
         view_formats: &[],
     })
+}
+
+/// Returns the largest difference of a texture in single precision from a frame.
+fn worst(device: &wgpu::Device, queue: &wgpu::Queue, texture: &Texture, want: &Frame) -> f32 {
+    let bytes = content(device, queue, texture, 16);
+    let got = bytes.as_chunks().0.iter().map(|got| f32::from_le_bytes(*got));
+    got.zip(want.pixels()).map(|(got, want)| (got - want).abs()).fold(0.0, f32::max)
 }
 
 /// The texture's bytes.
@@ -72,14 +80,7 @@ fn a_texture_shows_what_a_frame_shows() {
                 let target = texture(device, format);
                 let view = target.create_view(&Default::default());
                 renderer.render_to(&camera, &settings, &RenderTarget { view: &view, format, background }).unwrap();
-                let bytes = content(device, queue, &target, 16);
-                let worst = bytes
-                    .as_chunks()
-                    .0
-                    .iter()
-                    .zip(want.pixels())
-                    .map(|(got, want)| (f32::from_le_bytes(*got) - want).abs())
-                    .fold(0.0, f32::max);
+                let worst = worst(device, queue, &target, &want);
                 // Roundings; colours of a maximum are interpolated between 1,024 of them, bent at three points.
                 let tolerance = if mode == Mode::Maximum { 2e-3 } else { 1e-5 };
                 assert!(worst <= tolerance, "{compositor:?}, {mode:?}, {background:?}: {worst}");
@@ -98,6 +99,25 @@ fn a_texture_shows_what_a_frame_shows() {
         // The device's own encoding of sRGB may be off by a step.
         assert!(worst <= Some(1), "{compositor:?}: {worst:?}");
     }
+}
+
+#[test]
+fn a_texture_of_several_levels_shows_what_a_frame_shows() {
+    let Some(opened) = device() else { return };
+    let (levelled, camera) = long(8);
+    let (device, queue) = (&opened.device, &opened.queue);
+    let mut renderer =
+        GpuRenderer::new(device.clone(), queue.clone(), levelled.scene(), GpuOptions::default()).unwrap();
+    let (frame, stats) = renderer.render(&camera, &draft(SIZE)).unwrap();
+    assert_eq!(stats.parts, 3, "{stats:?}");
+    let format = TextureFormat::Rgba32Float;
+    let target = texture(device, format);
+    let view = target.create_view(&Default::default());
+    let target_view = RenderTarget { view: &view, format, background: None };
+    let stats = renderer.render_to(&camera, &draft(SIZE), &target_view).unwrap();
+    assert_eq!((stats.parts, stats.upload_bytes), (3, 0), "{stats:?}");
+    let worst = worst(device, queue, &target, &frame);
+    assert!(worst <= 1e-6, "{worst}");
 }
 
 #[test]

@@ -5,6 +5,7 @@
 //! - `pictures`: frames against the processor's, over phantoms and real sets, in all modes and orders.
 //! - `targets`: what quads lose in targets of 16 and 8 bits, and tiles do not.
 //! - `memory`: slabs, windows and chunks change no bit; video memory stays below its ceiling.
+//! - `levels`: levels of detail: each is what the processor draws of it, several in one picture, which are on the device.
 //! - `resident`: lanes that only the device holds draw the same pictures.
 //! - `extremes`: what is at the edges of what numbers hold, as tests/pictures/extremes has it for the processor.
 //! - `damage`: lanes of random bytes end.
@@ -22,6 +23,7 @@ mod device;
 mod embed;
 mod extremes;
 mod layout;
+mod levels;
 mod memory;
 mod pictures;
 mod resident;

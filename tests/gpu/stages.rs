@@ -20,6 +20,7 @@ use adjsplat_tests::{at_full, say};
 use zerocopy::FromBytes;
 
 use crate::device::{device, read};
+use crate::levels::Levelled;
 use crate::scenes::{EDGES, inside, phantom, zoomed};
 
 /// Least that the renderer takes for small pictures of small tables: a slab of about 1 MiB, chunks of 65,536 records.
@@ -124,10 +125,12 @@ impl Frames {
         let whole = bytes.len() / size_of::<TileRecord>() * size_of::<TileRecord>();
         let line_ends: Vec<u32> = read_all(probe, &probe.slab[1]);
         let steps: Vec<u32> = read_all(probe, &probe.slab[2]);
+        let coverages: Vec<u32> = read_all(probe, &probe.slab[6]);
         let slab = twin::walk::SlabWords {
             tiles: <[TileRecord]>::ref_from_bytes(&bytes[..whole]).unwrap(),
             line_ends: &line_ends,
             steps: &steps,
+            coverages: &coverages,
             lines: probe.lines,
         };
         // What neither writes would differ.
@@ -138,7 +141,7 @@ impl Frames {
             panic!("chunk {:?}, slot {slot}: the walk gives {:?}, not {:?}", probe.chunk, got[slot], want[slot]);
         }
         let visited = got.iter().filter(|voxel| voxel.record != NO_RECORD);
-        self.visits.extend(visited.map(|voxel| [voxel.xy & 0xffff, voxel.xy >> 16, voxel.z]));
+        self.visits.extend(visited.map(|voxel| [voxel.xy & 0xffff, voxel.xy >> 16, voxel.z_coverage & 0xffff]));
     }
 
     fn judge_tiles(&mut self, probe: &Probe, splats: &[Splat], count: usize) {
@@ -393,6 +396,15 @@ fn cases() -> Vec<Case> {
     add("16 bits", wide(LIT_LAYERS), &around, high(size));
     add("16 bits by gradient", wide(EDGES), &around, high(size));
     add("8 bits by gradient", phantom("gyroid", cube, [1.0; 3], transfer(EDGES), 8), &around, high(size));
+    // Level 1 of a structure: voxels that are visible in part, off their grid points.
+    let covered = |bits| Levelled::new([66, 74, 61], [1.0; 3], &transfer(LIT_LAYERS), bits).levels.swap_remove(1);
+    add("masks", covered(8), &around, high(size));
+    add("masks, perspective", covered(8), &ahead, high(size));
+    add("masks, inside", covered(8), &within, high(size));
+    add("masks, maximum", covered(8), &around, high(size).with_lighting(None).with_mode(Mode::Maximum));
+    add("shares and offsets", covered(16), &around, high(size));
+    add("shares and offsets, perspective", covered(16), &ahead, high(size));
+    add("shares and offsets, inside", covered(16), &within, high(size).with_sense(Sense::BackToFront));
     let near = |built: &Built| zoomed(built, 33.0, 21.0, None, 30.0, size);
     add("splats of a hundred pixels", coloured([24; 3], [1.0; 3]), &near, high(size));
     cases

@@ -100,7 +100,8 @@ pub fn most_pixels(quality: Quality, level: usize) -> f64 {
     }
 }
 
-fn facts_of<'a>(scene: &Scene<'a>, level: usize) -> &'a Facts {
+/// Returns the facts of a level, which the scene has.
+pub(crate) fn facts_of<'a>(scene: &Scene<'a>, level: usize) -> &'a Facts {
     level.checked_sub(1).map_or(scene.facts, |below| &scene.lanes.levels()[below])
 }
 

@@ -48,7 +48,7 @@ impl<'a> FrameSetup<'a> {
             return Err(Error::input("lane", "does not belong to the scene's grid or runs along another axis"));
         }
         if lane.channels.coverage_bits > 0 {
-            view.margin = MOST_OFFSET;
+            view.margin = view.margin.max(MOST_OFFSET);
         }
         let lit = scene.transfer.shaded() && lane.channels.normal_bits > 0 && !maximum;
         let lights = settings.lighting.filter(|_| lit).map(|lighting| Lights::new(&lighting, &view));

@@ -82,6 +82,13 @@ impl Supersampling {
         Ok(bounds.and_then(|bounds| Supersampling::new(&view, &bounds, settings)))
     }
 
+    /// Returns the one of two supersamplings that draws more samples; `None` draws one per pixel.
+    #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only renderers on graphics devices ask for it"))]
+    pub(crate) fn finer(one: Option<Supersampling>, other: Option<Supersampling>) -> Option<Supersampling> {
+        let factor = |supersampling: &Supersampling| supersampling.factor;
+        if one.as_ref().map(factor) >= other.as_ref().map(factor) { one } else { other }
+    }
+
     /// Returns the settings with which the samples are drawn.
     pub(crate) fn settings(&self, settings: &Settings) -> Settings {
         Settings { size: self.size(), ..settings.clone() }

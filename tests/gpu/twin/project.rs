@@ -77,7 +77,37 @@ fn unit(shift: i32) -> f32 {
     (-shift as f32).exp2()
 }
 
-fn pixel_position(row: &AffineRow, shift: i32, xyz: [u32; 3]) -> PixelPosition {
+/// How much of a voxel is visible, and where that lies from the voxel's grid point.
+#[derive(Clone, Copy)]
+struct Coverage {
+    share: f32,
+    offset: [f32; 3],
+}
+
+fn coverage_of(frame: &FrameUniform, code: u32) -> Coverage {
+    match frame.coverage_bits {
+        0 => Coverage { share: 1.0, offset: [0.0; 3] },
+        8 => {
+            let points = code.count_ones() as f32;
+            let high = [0xaa, 0xcc, 0xf0].map(|end| (code & end).count_ones() as f32);
+            Coverage { share: points / 8.0, offset: high.map(|high| (0.5 * high - 0.25 * points) / points.max(1.0)) }
+        }
+        _ => {
+            let share = (code & 0x7f) as f32 / 127.0;
+            Coverage {
+                share: share * share,
+                offset: [7, 10, 13].map(|at| ((code >> at & 7).min(6) as f32 - 3.0) / 8.0),
+            }
+        }
+    }
+}
+
+/// Returns by how much a screen coordinate changes with an offset in voxels.
+fn displacement(row: &AffineRow, shift: i32, offset: [f32; 3]) -> f32 {
+    dot([0, 1, 2].map(|a| row.whole[a] as f32 * unit(shift) + row.remainder[a]), offset)
+}
+
+fn pixel_position(row: &AffineRow, shift: i32, xyz: [u32; 3], offset: [f32; 3]) -> PixelPosition {
     let at = xyz.map(|c| c as f32);
     let sum = whole_sum(row, xyz.map(u32::cast_signed));
     let (mut nearest, mut fraction) = (sum, 0.0);
@@ -85,7 +115,7 @@ fn pixel_position(row: &AffineRow, shift: i32, xyz: [u32; 3]) -> PixelPosition {
         nearest = sum.wrapping_add(1 << (shift - 1)) >> shift;
         fraction = sum.wrapping_sub(nearest << shift) as f32 * unit(shift);
     }
-    fraction += remainder_sum(row, at);
+    fraction += remainder_sum(row, at) + displacement(row, shift, offset);
     let more = fraction.round_ties_even();
     PixelPosition {
         nearest: nearest.wrapping_add(more as i32),
@@ -94,8 +124,9 @@ fn pixel_position(row: &AffineRow, shift: i32, xyz: [u32; 3]) -> PixelPosition {
     }
 }
 
-fn coordinate(row: &AffineRow, shift: i32, xyz: [u32; 3]) -> f32 {
-    whole_sum(row, xyz.map(u32::cast_signed)) as f32 * unit(shift) + remainder_sum(row, xyz.map(|c| c as f32))
+fn coordinate(row: &AffineRow, shift: i32, xyz: [u32; 3], offset: [f32; 3]) -> f32 {
+    let rest = remainder_sum(row, xyz.map(|c| c as f32)) + displacement(row, shift, offset);
+    whole_sum(row, xyz.map(u32::cast_signed)) as f32 * unit(shift) + rest
 }
 
 fn nearest_pixel(at: f32) -> PixelPosition {
@@ -167,13 +198,14 @@ fn shade(frame: &FrameUniform, normal: [f32; 3], eye: [f32; 3]) -> [f32; 2] {
     [frame.light_weights[0] + frame.light_weights[1] * lit, frame.light_weights[2] * power]
 }
 
-fn look_of(frame: &FrameUniform, channels: &Channels, record: u32) -> [f32; 4] {
+fn look_of(frame: &FrameUniform, channels: &Channels, record: u32, share: f32) -> [f32; 4] {
     let value = element(channels.values, record, frame.value_bits);
     let mut look = channels.looks[value as usize];
     if frame.uses_magnitude == 1 {
         let magnitude = element(channels.magnitudes, record, 8);
         look[3] = channels.depths[(value << 8 | magnitude) as usize];
     }
+    look[3] *= share;
     look
 }
 
@@ -241,11 +273,18 @@ fn pixels_between(focal: f32, centre: f32, [first, last]: [f32; 2], low: i32, hi
     [(pixels[0].floor() as i32).max(low), (pixels[1].ceil() as i32).min(high)]
 }
 
-fn near_splat(frame: &FrameUniform, voxel: &VisitedVoxel, xyz: [u32; 3], depth: f32, channels: &Channels) -> Splat {
+fn near_splat(
+    frame: &FrameUniform,
+    voxel: &VisitedVoxel,
+    xyz: [u32; 3],
+    cover: Coverage,
+    depth: f32,
+    channels: &Channels,
+) -> Splat {
     if depth < frame.eye_rest[3] || depth.is_nan() {
         return EMPTY;
     }
-    let offset = [0, 1, 2].map(|a| (xyz[a] as f32 - frame.eye_voxel[a]) - frame.eye_rest[a]);
+    let offset = [0, 1, 2].map(|a| (xyz[a] as f32 - frame.eye_voxel[a]) - frame.eye_rest[a] + cover.offset[a]);
     let radius = frame.eye_voxel[3];
     let square = dot(offset, offset);
     let [x0, y0, x1, y1] = frame.window;
@@ -263,7 +302,7 @@ fn near_splat(frame: &FrameUniform, voxel: &VisitedVoxel, xyz: [u32; 3], depth: 
         rows = pixels_between(frame.focal, frame.centre[1], [-y[1], -y[0]], rows[0], rows[1]);
     }
     let is_in_window = rows[0] < y1 && rows[1] >= y0;
-    let [red, green, blue, peak] = look_of(frame, channels, voxel.record);
+    let [red, green, blue, peak] = look_of(frame, channels, voxel.record, cover.share);
     if columns[0] > columns[1] || rows[0] > rows[1] || !is_in_window || peak <= 0.0 || peak.is_nan() {
         return EMPTY;
     }
@@ -288,20 +327,21 @@ fn between(first: f32, last: f32, low: i32, high: i32) -> [i32; 2] {
     [nearest_pixel(first + 0.49).nearest.max(low), nearest_pixel(last - 0.49).nearest.min(high)]
 }
 
-fn value_splat(frame: &FrameUniform, voxel: &VisitedVoxel, xyz: [u32; 3], channels: &Channels) -> Splat {
-    let [_, _, _, value] = look_of(frame, channels, voxel.record);
+fn value_splat(frame: &FrameUniform, voxel: &VisitedVoxel, xyz: [u32; 3], share: f32, channels: &Channels) -> Splat {
+    let [_, _, _, value] = look_of(frame, channels, voxel.record, share);
+    let offset = [0.0; 3];
     let [x0, y0, x1, y1] = frame.window;
     let last_row = frame.picture_rows.cast_signed() - 1;
     let (x, y, columns, rows);
     let (mut from_eye, mut closeness) = ([0.0; 3], 0.0);
     let place = [0, 1, 2].map(|a| xyz[frame.nesting[a] as usize] as f32);
     if frame.is_perspective == 0 {
-        x = pixel_position(&frame.rows[0], frame.shifts[0], xyz);
-        y = pixel_position(&frame.rows[1], frame.shifts[1], xyz);
+        x = pixel_position(&frame.rows[0], frame.shifts[0], xyz, offset);
+        y = pixel_position(&frame.rows[1], frame.shifts[1], xyz, offset);
         columns = span(x, frame.half_width[0], x0, x1 - 1);
         rows = span(y, frame.half_width[1], 0, last_row);
     } else {
-        let [right, up, depth] = [0, 1, 2].map(|r| coordinate(&frame.rows[r], frame.shifts[r], xyz));
+        let [right, up, depth] = [0, 1, 2].map(|r| coordinate(&frame.rows[r], frame.shifts[r], xyz, offset));
         let reach = frame.ellipse;
         if !(depth > 0.0 && depth + reach[2] >= frame.near) {
             return EMPTY;
@@ -342,7 +382,7 @@ fn value_splat(frame: &FrameUniform, voxel: &VisitedVoxel, xyz: [u32; 3], channe
 }
 
 fn splat_of(frame: &FrameUniform, voxel: &VisitedVoxel, channels: &Channels) -> Splat {
-    let xyz = [voxel.xy & 0xffff, voxel.xy >> 16, voxel.z];
+    let xyz = [voxel.xy & 0xffff, voxel.xy >> 16, voxel.z_coverage & 0xffff];
     if (0..3).any(|a| xyz[a] < frame.crop_low[a] || xyz[a] > frame.crop_high[a]) {
         return EMPTY;
     }
@@ -350,24 +390,25 @@ fn splat_of(frame: &FrameUniform, voxel: &VisitedVoxel, channels: &Channels) -> 
     if products.fold(0, i32::wrapping_add) < frame.clip[3] {
         return EMPTY;
     }
+    let cover = coverage_of(frame, voxel.z_coverage >> 16);
     if frame.is_maximum == 1 {
-        return value_splat(frame, voxel, xyz, channels);
+        return value_splat(frame, voxel, xyz, cover.share, channels);
     }
     let mut strength = frame.ellipse[3];
     let (x, y, ellipse);
     if frame.is_perspective == 0 {
-        x = pixel_position(&frame.rows[0], frame.shifts[0], xyz);
-        y = pixel_position(&frame.rows[1], frame.shifts[1], xyz);
+        x = pixel_position(&frame.rows[0], frame.shifts[0], xyz, cover.offset);
+        y = pixel_position(&frame.rows[1], frame.shifts[1], xyz, cover.offset);
         let [falloff_x, falloff_y, shear, _] = frame.ellipse;
         ellipse = Footprint { falloff_x, falloff_y, shear, half_width: frame.half_width, density: 1.0 };
     } else {
-        let distance = coordinate(&frame.rows[2], frame.shifts[2], xyz);
+        let distance = coordinate(&frame.rows[2], frame.shifts[2], xyz, cover.offset);
         if distance < frame.near || distance.is_nan() {
-            return near_splat(frame, voxel, xyz, distance, channels);
+            return near_splat(frame, voxel, xyz, cover, distance, channels);
         }
         let closeness = 1.0 / distance;
-        let tx = coordinate(&frame.rows[0], frame.shifts[0], xyz) * closeness;
-        let ty = coordinate(&frame.rows[1], frame.shifts[1], xyz) * closeness;
+        let tx = coordinate(&frame.rows[0], frame.shifts[0], xyz, cover.offset) * closeness;
+        let ty = coordinate(&frame.rows[1], frame.shifts[1], xyz, cover.offset) * closeness;
         x = nearest_pixel(frame.centre[0] + frame.focal * tx);
         y = nearest_pixel(frame.centre[1] - frame.focal * ty);
         let scale = frame.focal * closeness;
@@ -384,7 +425,7 @@ fn splat_of(frame: &FrameUniform, voxel: &VisitedVoxel, channels: &Channels) -> 
     if is_off || !is_in_window || strength <= 0.0 || strength.is_nan() {
         return EMPTY;
     }
-    let [red, green, blue, depth] = look_of(frame, channels, voxel.record);
+    let [red, green, blue, depth] = look_of(frame, channels, voxel.record, cover.share);
     let peak = (depth * strength).min(frame.max_depth);
     if peak <= 0.0 || peak.is_nan() {
         return EMPTY;

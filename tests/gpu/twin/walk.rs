@@ -20,6 +20,8 @@ pub(crate) struct SlabWords<'a> {
     pub(crate) line_ends: &'a [u32],
     /// Words of the steps.
     pub(crate) steps: &'a [u32],
+    /// Words of the coverages.
+    pub(crate) coverages: &'a [u32],
     /// Lines in visit order: index of the tile in the high 26 bits, line of the tile in the low 6.
     pub(crate) lines: &'a [u32],
 }
@@ -84,8 +86,12 @@ fn follow(frame: &FrameUniform, slab: &SlabWords, line: Line, first_slot: u32, v
             _ => [u, v, along],
         };
         let record = if step_of(k) == 0 { NO_RECORD } else { first.wrapping_add(k) };
+        let coverage = match frame.coverage_bits {
+            0 => 0,
+            bits => element(slab.coverages, first.wrapping_add(k), bits),
+        };
         if let Some(voxel) = voxels.get_mut(slot as usize) {
-            *voxel = VisitedVoxel { xy: x | y << 16, z, record };
+            *voxel = VisitedVoxel { xy: x | y << 16, z_coverage: z | coverage << 16, record };
         }
     };
 

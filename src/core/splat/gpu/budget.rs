@@ -11,7 +11,6 @@
 use super::layout::{BATCH, Splat, TILE, VisitedVoxel};
 use super::lines::LaneSize;
 use crate::arena::TileRecord;
-use crate::arena::layout::Channels;
 use crate::error::{Error, Result};
 
 const MAX_SLOTS: u64 = 1 << 20; // Most records of a chunk: enough to keep a large device busy.
@@ -34,14 +33,14 @@ pub(crate) struct MemoryPlan {
 }
 
 impl MemoryPlan {
-    /// Divides `ceiling` bytes of video memory for a picture of `size` (columns, rows) of a scene with these channels,
-    /// whose tables take `table_bytes`. [`Error::Limit`] if there is too little for the smallest possible parts.
+    /// Divides `ceiling` bytes of video memory for a picture of `size` (columns, rows) of a scene whose tables take
+    /// `table_bytes`, and whose channels take at most `widest_channel` bytes a record. [`Error::Limit`] if there is too little for the smallest possible parts.
     pub(crate) fn new(
         ceiling: u64,
         max_binding: u64,
         size: [u32; 2],
         table_bytes: u64,
-        channels: Channels,
+        widest_channel: u64,
         is_software: bool,
     ) -> Result<MemoryPlan> {
         let max_slots = if is_software { MAX_SLOTS_IN_SOFTWARE } else { MAX_SLOTS };
@@ -74,7 +73,6 @@ impl MemoryPlan {
             pixels + masks <= max_window && pixels / 2 <= max_binding && masks <= max_binding
         };
         let tile_rows = (1..=rows.div_ceil(TILE.into())).rev().find(fits).unwrap_or(1);
-        let widest_channel = u64::from((channels.value_bits / 8).max(channels.normal_bits / 4).max(1));
         let room = LaneSize {
             bytes: free.saturating_sub(chunk(slots) + window_bytes(tile_rows, slots)).max(MIN_LANE_BYTES),
             records: max_binding / widest_channel,

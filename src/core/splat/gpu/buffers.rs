@@ -14,7 +14,7 @@ const SLACK: u64 = 1 << 16; // By how many bytes a kept buffer may be larger tha
 /// The buffers of the stages, by [`BufferName`], and the texture that quads are drawn into.
 #[derive(Debug, Default)]
 pub(super) struct FrameBuffers {
-    buffers: [Option<Buffer>; 11],
+    buffers: [Option<Buffer>; 10],
     target: Option<Texture>,
 }
 
@@ -23,7 +23,6 @@ pub(super) struct FrameBuffers {
 pub(super) enum BufferName {
     Uniform,
     Chunk,
-    Lines,
     Blocks,
     Voxels,
     Splats,

@@ -33,13 +33,27 @@ pub(super) enum FrameOutput<'o, 'p> {
     Texture(&'o RenderTarget<'o>),
 }
 
+/// A part of a frame, whose voxels are of one level of detail.
+pub(super) struct Part<'s> {
+    pub(super) level: usize,
+    pub(super) shot: &'s Shot<'s>,
+    pub(super) list: Arc<LineList>,
+}
+
+impl Part<'_> {
+    /// Returns how many bytes the first slab of its lane and all of its lines take on the device.
+    fn device_bytes(&self) -> u64 {
+        let slab: u64 = self.list.slabs.first().map_or(0, |slab| slab.sizes.iter().sum());
+        slab + LINE_BYTES * line_count(&self.shot.lane)
+    }
+}
+
 /// A frame that is being drawn.
 struct FrameDraw<'d, 'a, 'p> {
     renderer: &'d mut GpuRenderer<'a>,
     context: Arc<Context>,
     pipelines: Arc<Pipelines>,
-    list: Arc<LineList>,
-    shot: &'d Shot<'a>,
+    parts: &'d [Part<'d>], // In the order in which they are composited.
     plan: MemoryPlan,
     termination: f32,
     blend: BlendMode,
@@ -48,12 +62,11 @@ struct FrameDraw<'d, 'a, 'p> {
     probe: Option<ProbeCallback<'p>>,
 }
 
-/// Draws a frame into `output`.
-pub(super) async fn frame<'a>(
-    renderer: &mut GpuRenderer<'a>,
-    shot: &Shot<'a>,
+/// Draws the parts of a frame, in this order, into `output`.
+pub(super) async fn frame(
+    renderer: &mut GpuRenderer<'_>,
+    parts: &[Part<'_>],
     settings: &Settings,
-    list: Arc<LineList>,
     plan: MemoryPlan,
     mut output: FrameOutput<'_, '_>,
     stats: &mut GpuStats,
@@ -62,9 +75,8 @@ pub(super) async fn frame<'a>(
     let mut draw = FrameDraw {
         context: context.clone(),
         pipelines: renderer.resident.pipelines.clone(),
-        list,
         renderer,
-        shot,
+        parts,
         plan,
         termination: settings.termination(),
         blend: BlendMode::new(settings.mode, settings.sense),
@@ -72,7 +84,8 @@ pub(super) async fn frame<'a>(
         stats,
         probe: if let FrameOutput::Frame(_, probe) = &mut output { probe.take() } else { None },
     };
-    draw.stats.slabs = draw.list.slabs.len();
+    draw.stats.parts = parts.len();
+    draw.stats.slabs = draw.lanes().map(|part| part.list.slabs.len()).sum();
     draw.make_room();
     let drawn = draw.renderer.resident.buffers.make(&context, BufferName::Drawn, 4 * COUNTERS)?;
     let mut encoder = context.encoder("begin");
@@ -112,51 +125,51 @@ impl FrameDraw<'_, '_, '_> {
     fn window(&mut self, window: [i32; 4]) -> Result<u64> {
         let [width, height] = extent(window);
         let tiles = [width.div_ceil(TILE), height.div_ceil(TILE)];
-        let mut uniform = FrameUniform::new(self.shot, window);
-        uniform.termination = self.termination;
-        uniform.initial_alpha = self.blend.initial_alpha();
-        uniform.uses_magnitude = self.renderer.looks().on_device.uses_magnitude.into();
-        uniform.mask_words = u32::try_from(mask_words(self.plan.slots.into())).expect("few words");
+        let mask_words = mask_words(self.plan.slots.into());
 
         let (context, buffers) = (&self.context, &mut self.renderer.resident.buffers);
-        let uniform_buffer = buffers.make(context, BufferName::Uniform, size_of::<FrameUniform>() as u64)?;
-        context.write(&uniform_buffer, 0, bytemuck::bytes_of(&uniform))?;
+        buffers.make(context, BufferName::Uniform, size_of::<FrameUniform>() as u64)?;
         buffers.make(context, BufferName::Chunk, size_of::<Chunk>() as u64)?;
         let slots = u64::from(self.plan.slots.next_multiple_of(BATCH));
         buffers.make(context, BufferName::Voxels, slots * size_of::<VisitedVoxel>() as u64)?;
         buffers.make(context, BufferName::Splats, slots * size_of::<Splat>() as u64)?;
         match self.renderer.resident.current {
             Compositor::Tiles => {
-                let words = tiles.map(u64::from).iter().product::<u64>() * u64::from(uniform.mask_words);
+                let words = tiles.map(u64::from).iter().product::<u64>() * mask_words;
                 buffers.make(context, BufferName::Masks, 4 * words)?;
                 buffers.make(context, BufferName::Pixels, 16 * u64::from(width) * u64::from(height))?;
             }
             Compositor::Quads(target) => buffers.make_target(context, [width, height], target.format())?,
         }
 
-        let half_width = uniform.half_width.map(f64::from);
-        let slow = self.shot.order.slow.index();
-        let view = WindowView { view: &self.shot.view, half_width, window, clip: self.shot.clip, slow };
-        let list = self.list.clone();
         let (mut records, mut is_first, mut slice) = (0, true, 0);
-        for (index, slab) in list.slabs.iter().enumerate() {
-            let mut chunks = Chunks::new(&list, slab, &view, self.plan.slots);
-            if chunks.chunks.is_empty() {
-                continue;
-            }
-            for (chunk, _) in &mut chunks.chunks {
-                chunk.index = u32::try_from(self.stats.chunks % COUNTERS).expect("below the number of counters");
-                chunk.is_first = std::mem::take(&mut is_first).into();
-                chunk.from_slice = std::mem::replace(&mut slice, chunk.to_slice);
-                self.stats.chunks += 1;
-                records += u64::from(chunk.slot_count);
-            }
-            self.upload(index, &chunks)?;
-            for &(chunk, block_count) in &chunks.chunks {
-                self.chunk(chunk, block_count, tiles)?;
-                let first = chunk.first_block as usize;
-                let blocks = &chunks.blocks[first..first + block_count as usize];
-                self.call_probe(&uniform, slab, chunk, blocks);
+        for part in self.parts {
+            let Part { shot, list, .. } = part;
+            let uniform = self.uniform(shot, window);
+            let uniform_buffer = self.renderer.resident.buffers.get(BufferName::Uniform);
+            self.context.write(uniform_buffer, 0, bytemuck::bytes_of(&uniform))?;
+            let half_width = uniform.half_width.map(f64::from);
+            let slow = shot.order.slow.index();
+            let view = WindowView { view: &shot.view, half_width, window, clip: shot.clip, slow };
+            for (index, slab) in list.slabs.iter().enumerate() {
+                let mut chunks = Chunks::new(list, slab, &view, self.plan.slots);
+                if chunks.chunks.is_empty() {
+                    continue;
+                }
+                for (chunk, _) in &mut chunks.chunks {
+                    chunk.index = u32::try_from(self.stats.chunks % COUNTERS).expect("below the number of counters");
+                    chunk.is_first = std::mem::take(&mut is_first).into();
+                    chunk.from_slice = std::mem::replace(&mut slice, chunk.to_slice);
+                    self.stats.chunks += 1;
+                    records += u64::from(chunk.slot_count);
+                }
+                self.upload(part, index, &chunks)?;
+                for &(chunk, block_count) in &chunks.chunks {
+                    self.chunk(chunk, block_count, tiles)?;
+                    let first = chunk.first_block as usize;
+                    let blocks = &chunks.blocks[first..first + block_count as usize];
+                    self.call_probe(&uniform, slab, chunk, blocks);
+                }
             }
         }
         if is_first {
@@ -165,6 +178,18 @@ impl FrameDraw<'_, '_, '_> {
         }
         self.stats.windows += 1;
         Ok(records)
+    }
+
+    /// Returns the uniform of a part for a window.
+    fn uniform(&self, shot: &Shot, window: [i32; 4]) -> FrameUniform {
+        let looks = self.renderer.looks();
+        let mut uniform = FrameUniform::new(shot, window);
+        uniform.termination = self.termination;
+        uniform.initial_alpha = self.blend.initial_alpha();
+        uniform.uses_magnitude = looks.on_device.uses_magnitude.into();
+        uniform.mask_words = u32::try_from(mask_words(self.plan.slots.into())).expect("few words");
+        uniform.scale_depths(looks.depth_factor(shot.view.mean_voxel));
+        uniform
     }
 
     /// Begins a render pass for quads. It clears the target if the pass is the first of a window (`is_first`).
@@ -176,19 +201,14 @@ impl FrameDraw<'_, '_, '_> {
         render_pass(encoder, &view, load, timer.and_then(|timer| timer.render(Pass::Composite)))
     }
 
-    /// Copies slab `index`, its lines and the blocks of `chunks` to the device.
-    fn upload(&mut self, index: usize, chunks: &Chunks) -> Result<()> {
+    /// Copies slab `index` of a part, its lines and the blocks of `chunks` to the device.
+    fn upload(&mut self, part: &Part, index: usize, chunks: &Chunks) -> Result<()> {
         let start = Instant::now();
-        self.upload_slab(index)?;
-        let slab = &self.list.slabs[index];
+        self.upload_slab(part, index)?;
+        let slab = &part.list.slabs[index];
         let (context, renderer) = (&self.context, &mut *self.renderer);
-        let line_bytes = 4 * slab.lines.len() as u64;
-        let lines = renderer.resident.buffers.make(context, BufferName::Lines, line_bytes)?;
-        if renderer.resident.listed_slab != Some(index) {
-            context.fill(&lines, bytemuck::cast_slice(&slab.lines))?;
-            self.stats.list_bytes += line_bytes;
-            renderer.resident.listed_slab = Some(index);
-        }
+        let on_device = renderer.resident.slabs.last_mut().expect("the slab is on the device");
+        self.stats.list_bytes += on_device.list_lines(context, part.list.key, &slab.lines)?;
         let block_bytes = size_of::<LineBlock>() * slab.blocks.len();
         let blocks = renderer.resident.buffers.make(context, BufferName::Blocks, block_bytes as u64)?;
         context.write(&blocks, 0, bytemuck::cast_slice(&chunks.blocks))?;
@@ -218,40 +238,52 @@ impl FrameDraw<'_, '_, '_> {
         });
     }
 
-    /// Frees slabs on the device that this frame does not use: parts of lanes, and lanes of other axes for which there
-    /// is no room beside the lane of this frame.
+    /// Iterates over the lanes that this frame draws, each as one of the parts that draw it.
+    fn lanes(&self) -> impl Iterator<Item = &Part<'_>> {
+        let is_first =
+            |&(index, part): &(usize, &Part)| self.parts[..index].iter().all(|other| other.level != part.level);
+        self.parts.iter().enumerate().filter(is_first).map(|(_, part)| part)
+    }
+
+    /// Frees slabs on the device that this frame does not use: parts of lanes, and other lanes for which there is no room
+    /// beside those of this frame. If not even those fit together, they take turns: then all are freed.
     fn make_room(&mut self) {
-        let (axis, room) = (self.shot.lane.axis, self.plan.room.bytes);
-        let slab = self.list.slabs.first().map_or(0, |slab| slab.sizes.iter().sum());
-        let need: u64 = slab + LINE_BYTES * line_count(&self.shot.lane);
-        let is_streamed = self.list.slabs.len() > 1;
+        let room = self.plan.room.bytes;
+        let need: u64 = self.lanes().map(Part::device_bytes).sum();
+        let takes_turns = need > room || self.parts.iter().any(|part| part.list.slabs.len() > 1);
+        let parts = self.parts;
+        let is_used = |slab: &SlabBuffers| parts.iter().any(|part| slab.is_lane(part.level, part.shot.lane.axis));
         let slabs = &mut self.renderer.resident.slabs;
-        slabs.retain(|slab| slab.is_whole && !is_streamed);
-        // The lane of this frame comes last, so it is not removed.
-        slabs.sort_by_key(|slab| slab.axis == axis);
-        let other_lanes =
-            |slabs: &[SlabBuffers]| slabs.iter().filter(|slab| slab.axis != axis).map(SlabBuffers::bytes).sum::<u64>();
-        while other_lanes(slabs) > 0 && other_lanes(slabs) + need > room {
+        slabs.retain(|slab| slab.is_whole && !takes_turns);
+        // The lanes of this frame come last, so they are not removed.
+        slabs.sort_by_key(is_used);
+        let others =
+            |slabs: &[SlabBuffers]| slabs.iter().filter(|slab| !is_used(slab)).map(SlabBuffers::bytes).sum::<u64>();
+        while others(slabs) > 0 && others(slabs) + need > room {
             slabs.remove(0);
         }
     }
 
-    /// Copies slab `index` to the device, unless it is the whole lane, and there already.
-    fn upload_slab(&mut self, index: usize) -> Result<()> {
-        let (context, lane, slabs) = (&self.context, &self.shot.lane, &mut self.renderer.resident.slabs);
-        let is_whole = self.list.slabs.len() == 1;
-        if is_whole && slabs.last().is_some_and(|last| last.axis == lane.axis) {
+    /// Copies slab `index` of a part to the device, unless it is a whole lane, and there already. It is then the last slab.
+    fn upload_slab(&mut self, part: &Part, index: usize) -> Result<()> {
+        let (context, lane, slabs) = (&self.context, &part.shot.lane, &mut self.renderer.resident.slabs);
+        let is_whole = part.list.slabs.len() == 1;
+        if let Some(place) = slabs.iter().position(|slab| is_whole && slab.is_lane(part.level, lane.axis)) {
+            slabs[place..].rotate_left(1);
             return Ok(());
         }
+        let have: u64 = slabs.iter().map(SlabBuffers::bytes).sum();
         if !is_whole {
             // What is not in memory cannot be copied again and again.
             lane.at_hand()?;
-            // The previous slab is freed, and waiting lets the device finish with it, so that only one exists.
+        }
+        if !is_whole || have > 0 && have + part.device_bytes() > self.plan.room.bytes {
+            // What was drawn before is freed, and waiting lets the device finish with it, so that there is room.
             slabs.clear();
             context.wait()?;
         }
-        let slab = &self.list.slabs[index];
-        let buffers = SlabBuffers::new(context, lane, is_whole, slab.sizes)?;
+        let slab = &part.list.slabs[index];
+        let buffers = SlabBuffers::new(context, part.level, lane, is_whole, slab.sizes)?;
         self.stats.upload_bytes += buffers.upload(context, lane, &slab.tiles)?;
         slabs.push(buffers);
         Ok(())
@@ -273,9 +305,10 @@ impl FrameDraw<'_, '_, '_> {
         let batches = chunk.slot_count.div_ceil(BATCH);
         if batches > 0 {
             let slab = slabs.last().expect("a slab is on the device");
-            let [tiles, line_ends, steps, values, normals, magnitudes] = &slab.buffers;
-            let [lines, blocks, drawn] = [BufferName::Lines, BufferName::Blocks, BufferName::Drawn].map(buffer);
-            let walk = vec![uniform, chunk_buffer, tiles, line_ends, steps, lines, blocks, voxels];
+            let [tiles, line_ends, steps, values, normals, magnitudes, coverages] = &slab.buffers;
+            let [blocks, drawn] = [BufferName::Blocks, BufferName::Drawn].map(buffer);
+            let lines = slab.lines();
+            let walk = vec![uniform, chunk_buffer, tiles, line_ends, steps, coverages, lines, blocks, voxels];
             let [by_value, by_pair] = [&looks.by_value, &looks.by_pair];
             let project =
                 vec![uniform, chunk_buffer, voxels, values, normals, magnitudes, by_value, by_pair, splats, drawn];

@@ -64,7 +64,8 @@ pub struct FrameUniform {
     pub rays: [[f32; 4]; 3],
     pub eye_voxel: [f32; 4],
     pub eye_rest: [f32; 4],
-    pub nesting: [u32; 4],
+    pub nesting: [u32; 3],
+    pub coverage_bits: u32,
     pub eye_ceil: i32,
     pub eye_twice: i32,
     pub fast_order: u32,
@@ -110,7 +111,7 @@ pub struct LineBlock {
 #[repr(C)]
 pub struct VisitedVoxel {
     pub xy: u32,
-    pub z: u32,
+    pub z_coverage: u32,
     pub record: u32,
 }
 
@@ -220,15 +221,22 @@ impl FrameUniform {
             }
         }
         uniform.fast_axis = fast.index() as u32;
-        uniform.nesting = [shot.order.slow.index() as u32, shot.order.medium.index() as u32, uniform.fast_axis, 0];
+        uniform.nesting = [shot.order.slow.index() as u32, shot.order.medium.index() as u32, uniform.fast_axis];
         uniform.longest_line = dims[fast.index()];
         uniform.line_end_bytes = line_end_bytes(uniform.longest_line).into();
         uniform.value_bits = channels.value_bits.into();
         uniform.normal_bits = channels.normal_bits.into();
+        uniform.coverage_bits = channels.coverage_bits.into();
         uniform.is_maximum = shot.maximum.into();
         uniform.picture_rows = view.size[1];
         uniform.tile_columns = ((window[2] - window[0]).cast_unsigned()).div_ceil(TILE);
         uniform
+    }
+
+    /// Multiplies all optical depths by `factor`.
+    pub(crate) fn scale_depths(&mut self, factor: f32) {
+        self.ellipse[3] *= factor;
+        self.rays[2][3] *= factor;
     }
 
     /// Sets what the voxels near the eye of a perspective view need.

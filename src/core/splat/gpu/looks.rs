@@ -11,13 +11,13 @@ use crate::arena::Lane;
 use crate::classify::TransferFunction;
 use crate::error::Result;
 use crate::splat::composite::Table;
-use crate::splat::setup::FrameSetup as Shot;
 use crate::splat::{Mode, Scene, Settings};
 
 /// The tables of a frame.
 #[derive(Debug)]
 pub(crate) struct LookTables<'a> {
     pub(crate) table: Table<'a>, // The processor's table.
+    pub(crate) mean_voxel: f64,  // The mean spacing that its depths are for.
     pub(crate) on_device: LookBuffers,
 }
 
@@ -27,15 +27,17 @@ pub(crate) struct LookBuffers {
     pub(crate) mode: Mode,
     pub(crate) exposure: Option<f32>,
     transfer: TransferFunction,
+    level: usize,                // The level of detail whose voxels they were made for.
     pub(crate) by_value: Buffer, // By value code: colour and optical depth.
     pub(crate) by_pair: Buffer,  // By value code and magnitude code: optical depth.
     pub(crate) uses_magnitude: bool,
 }
 
 impl LookBuffers {
-    /// Returns whether the tables hold for a frame of this transfer function and these settings.
-    pub(crate) fn hold_for(&self, transfer: &TransferFunction, settings: &Settings) -> bool {
-        (self.mode, self.exposure) == (settings.mode, settings.exposure) && self.transfer == *transfer
+    /// Returns whether the tables hold for a frame of this level, transfer function and settings.
+    pub(crate) fn hold_for(&self, level: usize, transfer: &TransferFunction, settings: &Settings) -> bool {
+        let made_for = (self.level, self.mode, self.exposure);
+        made_for == (level, settings.mode, settings.exposure) && self.transfer == *transfer
     }
 }
 
@@ -47,18 +49,20 @@ impl<'a> LookTables<'a> {
         16 * codes + 4 * pairs
     }
 
-    /// Computes the tables and copies them to the device, unless those that are there hold.
+    /// Computes the tables and copies them to the device, unless those that are there hold. `scene` is of the level `level`, as
+    /// is `lane`, unless the mode is [`Mode::Composite`], where looks do not depend on the voxels; `mean_voxel` is the mean
+    /// spacing of level 0.
     pub(crate) fn new(
         context: &Context,
-        scene: &Scene<'a>,
-        shot: &Shot,
+        (level, scene): (usize, &Scene<'a>),
+        lane: &Lane,
+        mean_voxel: f64,
         settings: &Settings,
         there: Option<LookBuffers>,
     ) -> Result<Self> {
-        let lane = &shot.lane;
-        let table = Table::new(scene, lane, settings, shot.view.mean_voxel)?;
+        let table = Table::new(scene, lane, settings, mean_voxel)?;
         if let Some(on_device) = there {
-            return Ok(LookTables { table, on_device });
+            return Ok(LookTables { table, mean_voxel, on_device });
         }
         let last = if lane.channels.value_bits == 8 { u16::from(u8::MAX) } else { u16::MAX };
         let uses_magnitude = table.needs_magnitude()
@@ -82,7 +86,16 @@ impl<'a> LookTables<'a> {
         let by_pair = store("depths", bytemuck::cast_slice(&pairs))?;
         let Settings { mode, exposure, .. } = *settings;
         let transfer = scene.transfer.clone();
-        Ok(LookTables { table, on_device: LookBuffers { mode, exposure, transfer, by_value, by_pair, uses_magnitude } })
+        let on_device = LookBuffers { mode, exposure, transfer, level, by_value, by_pair, uses_magnitude };
+        Ok(LookTables { table, mean_voxel, on_device })
+    }
+
+    /// Returns the factor from the tables' depths to those of a level whose mean spacing is `mean_voxel`.
+    #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
+    pub(crate) fn depth_factor(&self, mean_voxel: f64) -> f32 {
+        // Without an exposure of the settings, that of the table makes up for any factor.
+        let is_levelled = (self.on_device.mode, self.on_device.exposure) == (Mode::Additive, None);
+        if is_levelled { 1.0 } else { (mean_voxel / self.mean_voxel) as f32 }
     }
 
     pub(crate) fn bytes(&self) -> u64 {

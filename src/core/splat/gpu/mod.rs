@@ -12,6 +12,9 @@
 //! is drawn in *chunks* of as many records as the buffers hold. A lane stays on the device while there is room; a
 //! larger one passes through in *slabs* along the slow axis; a larger picture is drawn in *windows*. The pixels do not
 //! depend on any of this, bit for bit.
+//!
+//! Where coarser levels of detail are enough, a frame consists of *parts*, each of one level (`levels.rs`). They are drawn
+//! into the same samples one after the other, which are then filtered once. Only levels in use go to the device.
 
 pub mod adapter;
 mod budget;
@@ -39,21 +42,22 @@ use wgpu::{Device, Features, Queue};
 use self::budget::MemoryPlan;
 use self::buffers::FrameBuffers;
 use self::context::MAX_BINDING;
-use self::draw::FrameOutput;
+use self::draw::{FrameOutput, Part};
 use self::lines::{LaneSize, LineList, list_key};
 use self::looks::{LookBuffers, LookTables};
 use self::probe::ProbeCallback;
 pub use self::resident::Resident;
 pub use self::resolve::RenderTarget;
 use self::slab_buffers::SlabBuffers;
+use super::levels::{LevelPart, LevelScene, facts_of, level_parts};
 use super::setup::FrameSetup as Shot;
 use super::supersample::Supersampling;
-use super::view::check_size;
-use super::{Blending, Camera, Frame, Sampling, Scene, Settings};
+use super::view::{View, check_size};
+use super::{Blending, Camera, Frame, Mode, Sampling, Scene, Settings};
 use crate::arena::Lane;
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
-use crate::traverse::VoxelBox;
+use crate::traverse::{Sense, VoxelBox};
 use crate::volume::Axis;
 
 /// How splats become pixels.
@@ -128,9 +132,12 @@ pub struct GpuStats {
     pub splats_drawn: u64,
     /// Records visited but not drawn: stepping records (which hold no voxel), transparent or outside the picture.
     pub splats_skipped: u64,
-    /// Line lists that were made: 1, or 0 if the order is that of the last frame, so that its list was used again.
+    /// Parts that the volume was drawn in, each from one level of detail; 1 if all of it is of one level.
+    pub parts: usize,
+    /// Line lists that were made: one for each level, but none where the order is that of the last frame, so that its list
+    /// was used again.
     pub line_lists: u64,
-    /// Slabs that the lane was cut into; 1 if all of it is on the device.
+    /// Slabs that lanes were cut into; 1 for each level if all of its lane is on the device.
     pub slabs: usize,
     /// Windows that the picture was cut into.
     pub windows: usize,
@@ -142,6 +149,10 @@ pub struct GpuStats {
     pub list_bytes: u64,
     /// Bytes of all buffers and targets on the device.
     pub vram_bytes: u64,
+    /// Of these, bytes of lanes and their line lists, also of lanes that earlier frames drew.
+    pub lane_bytes: u64,
+    /// Levels of detail that have a lane on the device: bit 0 for level 0, and so on.
+    pub levels_on_device: u16,
     /// Milliseconds of the whole frame.
     pub frame_ms: f64,
     /// Milliseconds that the processor took for making the line list.
@@ -220,10 +231,9 @@ impl<'a> GpuRenderer<'a> {
     pub fn set_compositor(&mut self, compositor: Option<Compositor>) -> Result<()> {
         check_blends(&self.resident.context.device, compositor)?;
         self.resident.options.compositor = compositor;
-        // All buffers are freed, the list's included, so that the old compositor's do not count towards the budget.
+        // All buffers are freed, so that the old compositor's do not count towards the budget.
         self.resident.buffers = FrameBuffers::default();
         self.resident.resolve = None;
-        self.resident.listed_slab = None;
         Ok(())
     }
 
@@ -245,15 +255,48 @@ impl<'a> GpuRenderer<'a> {
     /// # Errors
     /// The errors of [`GpuRenderer::render`].
     pub async fn render_async(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, GpuStats)> {
-        // Computing the bounds takes a pass over all tiles; pictures with one sample per pixel do not need them.
-        let bounds = if settings.keeps_pixels() { None } else { self.scene.lanes.lane(Axis::X)?.bounds() };
-        let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
-        let grid = &self.scene.facts.grid;
-        let Some(supersampling) = Supersampling::of(grid, bounds, camera, settings)? else {
-            return self.one_sample(camera, settings, None).await;
+        let parts = self.parts(camera, settings)?;
+        let Some(supersampling) = self.supersampling(&parts, camera, settings)? else {
+            return self.one_sample(&parts, camera, settings, None).await;
         };
-        let (samples, stats) = self.one_sample(camera, &supersampling.settings(settings), None).await?;
+        let (samples, stats) = self.one_sample(&parts, camera, &supersampling.settings(settings), None).await?;
         Ok((supersampling.picture(&samples, settings.threads)?, stats))
+    }
+
+    /// Returns the parts of the picture that `settings` ask for, nearest first; at least one.
+    fn parts(&self, camera: &Camera, settings: &Settings) -> Result<Vec<LevelPart>> {
+        let mut parts = level_parts(&self.scene, camera, settings)?;
+        if parts.is_empty() {
+            // No grid has a voxel there.
+            let nothing = VoxelBox { low: [u16::MAX; 3], high: [u16::MAX; 3] };
+            parts.push(LevelPart { level: settings.level.unwrap_or(0), crop: Some(nothing) });
+        }
+        Ok(parts)
+    }
+
+    /// Returns the scene of a part's level; `None` for level 0, which is drawn as it is.
+    fn coarser(&self, part: &LevelPart) -> Result<Option<LevelScene<'a>>> {
+        if part.level == 0 { Ok(None) } else { part.scene(&self.scene).map(Some) }
+    }
+
+    /// Returns the finest supersampling that any part asks for, as all are drawn into the same samples.
+    fn supersampling(
+        &self,
+        parts: &[LevelPart],
+        camera: &Camera,
+        settings: &Settings,
+    ) -> Result<Option<Supersampling>> {
+        let mut finest = None;
+        // Computing the bounds takes a pass over all tiles; pictures with one sample per pixel do not need them.
+        for part in if settings.keeps_pixels() { &[] } else { parts } {
+            let level = self.coarser(part)?;
+            let scene = level.as_ref().map_or(self.scene, LevelScene::scene);
+            let bounds = scene.lanes.lane(Axis::X)?.bounds().map(|(low, high)| VoxelBox { low, high });
+            let bounds = bounds.filter(|bounds| part.crop.is_none_or(|crop| crop.meets(bounds)));
+            let asked = Supersampling::of(&scene.facts.grid, bounds, camera, &part.settings(settings))?;
+            finest = Supersampling::finer(finest, asked);
+        }
+        Ok(finest)
     }
 
     /// Draws a frame with one sample a pixel, and calls `probe` after each chunk.
@@ -268,18 +311,20 @@ impl<'a> GpuRenderer<'a> {
         settings: &Settings,
         probe: Option<ProbeCallback>,
     ) -> Result<(Frame, GpuStats)> {
-        pollster::block_on(self.one_sample(camera, settings, probe))
+        let parts = self.parts(camera, settings)?;
+        pollster::block_on(self.one_sample(&parts, camera, settings, probe))
     }
 
     async fn one_sample(
         &mut self,
+        parts: &[LevelPart],
         camera: &Camera,
         settings: &Settings,
         probe: Option<ProbeCallback<'_>>,
     ) -> Result<(Frame, GpuStats)> {
         check_size(settings.size)?;
         let mut frame = Frame::transparent(settings.size)?;
-        let stats = self.draw(camera, settings, FrameOutput::Frame(&mut frame, probe)).await?;
+        let stats = self.draw(parts, camera, settings, FrameOutput::Frame(&mut frame, probe)).await?;
         Ok((frame, stats))
     }
 
@@ -308,12 +353,29 @@ impl<'a> GpuRenderer<'a> {
         if settings.sampling.is_some_and(|sampling| sampling != Sampling::EveryPixel) {
             return Err(Error::input("sampling", "of a texture is of every pixel; supersample by a larger texture"));
         }
-        self.draw(camera, settings, FrameOutput::Texture(target)).await
+        let parts = self.parts(camera, settings)?;
+        self.draw(&parts, camera, settings, FrameOutput::Texture(target)).await
     }
 
-    async fn draw(&mut self, camera: &Camera, settings: &Settings, output: FrameOutput<'_, '_>) -> Result<GpuStats> {
+    /// Draws `parts`, nearest first.
+    async fn draw(
+        &mut self,
+        parts: &[LevelPart],
+        camera: &Camera,
+        settings: &Settings,
+        output: FrameOutput<'_, '_>,
+    ) -> Result<GpuStats> {
         let start = Instant::now();
-        let shot = Shot::new(&self.scene, camera, settings)?;
+        let scene = self.scene;
+        let levels: Vec<Option<LevelScene>> = parts.iter().map(|part| self.coarser(part)).collect::<Result<_>>()?;
+        let mut shots: Vec<(usize, Shot)> = Vec::with_capacity(parts.len());
+        for (part, level) in parts.iter().zip(&levels) {
+            let scene = level.as_ref().map_or(scene, LevelScene::scene);
+            shots.push((part.level, Shot::new(&scene, camera, &part.settings(settings))?));
+        }
+        if settings.sense == Sense::BackToFront {
+            shots.reverse();
+        }
         if settings.blending != Blending::Exponential {
             let name = settings.blending.name();
             let why = format!("{name} is not for graphics devices; take the processor's renderer");
@@ -324,21 +386,32 @@ impl<'a> GpuRenderer<'a> {
         // Tiles also draw pictures that are too large for the default's target.
         let fits = settings.size.into_iter().all(|side| side <= context.limits.max_texture_dimension_2d);
         let has_choice = self.resident.options.compositor.is_none();
-        self.resident.current = if has_choice && !fits || shot.maximum { Compositor::Tiles } else { self.compositor() };
+        self.resident.current =
+            if has_choice && !fits || settings.mode.is_maximum() { Compositor::Tiles } else { self.compositor() };
         let work = async || {
-            let plan = self.plan(&shot, settings)?;
-            self.prepare_looks(&shot, settings, &mut stats)?;
-            let list = self.prepare_list(&shot, plan.room, &mut stats)?;
-            let plan = plan.for_records(list.records);
-            draw::frame(self, &shot, settings, list, plan, output, &mut stats).await
+            let (_, first) = &shots[0];
+            let plan = self.plan(&first.lane, settings)?;
+            self.prepare_looks(&shots[0], camera, settings, &mut stats)?;
+            let mut parts = Vec::with_capacity(shots.len());
+            for (level, shot) in &shots {
+                let list = self.prepare_list(*level, shot, plan.room, &mut stats)?;
+                parts.push(Part { level: *level, shot, list });
+            }
+            let records = parts.iter().map(|part| part.list.records).max().unwrap_or(0);
+            draw::frame(self, &parts, settings, plan.for_records(records), output, &mut stats).await
         };
         let drawn = context.watch(work).await;
         if let Err(fault) = drawn {
             self.forget_device();
             return Err(fault);
         }
-        let slab_bytes: u64 = self.resident.slabs.iter().map(SlabBuffers::bytes).sum();
-        stats.vram_bytes = self.looks().bytes() + slab_bytes + self.resident.buffers.bytes();
+        let Resident { slabs, lists, .. } = &mut self.resident;
+        lists.retain(|(level, _)| {
+            shots.iter().any(|(drawn, _)| drawn == level) || slabs.iter().any(|slab| slab.level == *level)
+        });
+        stats.lane_bytes = slabs.iter().map(SlabBuffers::bytes).sum();
+        stats.levels_on_device = slabs.iter().fold(0, |levels, slab| levels | 1 << slab.level);
+        stats.vram_bytes = self.looks().bytes() + stats.lane_bytes + self.resident.buffers.bytes();
         stats.frame_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(stats)
     }
@@ -346,7 +419,8 @@ impl<'a> GpuRenderer<'a> {
     /// Forgets everything on the device, since some of it may be wrong after an error.
     fn forget_device(&mut self) {
         self.looks = None;
-        (self.resident.kept_looks, self.resident.list, self.resident.resolve) = (None, None, None);
+        (self.resident.kept_looks, self.resident.resolve) = (None, None);
+        self.resident.lists.clear();
         self.resident.slabs.clear();
         self.resident.buffers = FrameBuffers::default();
         if let Some(timer) = &mut self.resident.timer {
@@ -359,36 +433,62 @@ impl<'a> GpuRenderer<'a> {
         self.looks.as_ref().expect("a frame begins with its tables")
     }
 
-    fn plan(&self, shot: &Shot, settings: &Settings) -> Result<MemoryPlan> {
-        let uses_gradient = self.scene.transfer.uses_gradient() || shot.lane.shown.is_some();
-        let table_bytes = LookTables::max_bytes(&shot.lane, uses_gradient);
+    fn plan(&self, lane: &Lane, settings: &Settings) -> Result<MemoryPlan> {
+        let uses_gradient = self.scene.transfer.uses_gradient() || lane.shown.is_some();
+        let table_bytes = LookTables::max_bytes(lane, uses_gradient);
         let (ceiling, max_binding) = (self.resident.options.vram, self.resident.context.max_binding());
-        MemoryPlan::new(ceiling, max_binding, settings.size, table_bytes, shot.lane.channels, self.resident.is_software)
+        // That of all levels, so that lists last while views change between levels.
+        let all_facts = std::iter::once(self.scene.facts).chain(self.scene.lanes.levels());
+        let widest = all_facts.flat_map(|facts| facts.channels.widths()).max().unwrap_or(1) as u64;
+        MemoryPlan::new(ceiling, max_binding, settings.size, table_bytes, widest, self.resident.is_software)
     }
 
-    fn prepare_looks(&mut self, shot: &Shot, settings: &Settings, stats: &mut GpuStats) -> Result<()> {
+    /// Prepares the tables for all parts of a frame. Composites have those of level 0, whatever they draw. Frames in other
+    /// modes have one part; its tables depend on what voxels there are. Depths are for the spacing of level 0: those of a
+    /// level differ by [`LookTables::depth_factor`].
+    fn prepare_looks(
+        &mut self,
+        (level, shot): &(usize, Shot),
+        camera: &Camera,
+        settings: &Settings,
+        stats: &mut GpuStats,
+    ) -> Result<()> {
         let start = Instant::now();
-        let hold = |looks: &LookBuffers| looks.hold_for(self.scene.transfer, settings);
+        let level = if settings.mode == Mode::Composite { 0 } else { *level };
+        let scene = Scene { facts: facts_of(&self.scene, level), ..self.scene };
+        let hold = |looks: &LookBuffers| looks.hold_for(level, self.scene.transfer, settings);
         if !self.looks.as_ref().is_some_and(|looks| hold(&looks.on_device)) {
             // The old tables are freed first: the budget counts one set of tables.
             self.looks = None;
             let there = self.resident.kept_looks.take().filter(hold);
-            self.looks = Some(LookTables::new(&self.resident.context, &self.scene, shot, settings, there)?);
+            let view = View::new(camera, &self.scene.facts.grid, settings.size, settings.kernel(), settings.near)?;
+            let (context, mean_voxel) = (&self.resident.context, view.mean_voxel);
+            self.looks = Some(LookTables::new(context, (level, &scene), &shot.lane, mean_voxel, settings, there)?);
         }
         stats.upload_ms += start.elapsed().as_secs_f64() * 1e3;
         Ok(())
     }
 
-    fn prepare_list(&mut self, shot: &Shot, room: LaneSize, stats: &mut GpuStats) -> Result<Arc<LineList>> {
+    fn prepare_list(
+        &mut self,
+        level: usize,
+        shot: &Shot,
+        room: LaneSize,
+        stats: &mut GpuStats,
+    ) -> Result<Arc<LineList>> {
         let start = Instant::now();
         let key = list_key(&shot.order);
-        if let Some(list) = self.resident.list.as_ref().filter(|list| (list.room, list.key) == (room, key)) {
+        let lists = &mut self.resident.lists;
+        let of_level = lists.iter().find(|(listed, _)| *listed == level);
+        if let Some((_, list)) = of_level.filter(|(_, list)| (list.room, list.key) == (room, key)) {
             return Ok(list.clone());
         }
+        // The old list is freed first.
+        lists.retain(|(listed, _)| *listed != level);
         let list = Arc::new(LineList::new(&shot.lane, &shot.order, room)?);
-        (self.resident.list, self.resident.listed_slab) = (Some(list.clone()), None);
-        stats.line_lists = 1;
-        stats.line_list_ms = start.elapsed().as_secs_f64() * 1e3;
+        lists.push((level, list.clone()));
+        stats.line_lists += 1;
+        stats.line_list_ms += start.elapsed().as_secs_f64() * 1e3;
         Ok(list)
     }
 }

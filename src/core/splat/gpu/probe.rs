@@ -19,8 +19,8 @@ pub struct Probe<'p> {
     pub blocks: &'p [LineBlock],
     /// All lines of the slab. The high 26 bits are the index of a tile, the low 6 bits a line of that tile.
     pub lines: &'p [u32],
-    /// Tiles, line ends, steps, values, normals and magnitudes of the slab.
-    pub slab: &'p [Buffer; 6],
+    /// Tiles, line ends, steps, values, normals, magnitudes and coverages of the slab.
+    pub slab: &'p [Buffer; 7],
     /// Two tables: colour and optical depth by value code; optical depth by value code and magnitude code.
     pub looks: [&'p Buffer; 2],
     /// The chunk's [`VisitedVoxel`](super::layout::VisitedVoxel)s.

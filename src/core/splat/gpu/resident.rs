@@ -35,9 +35,8 @@ pub struct Resident {
     pub(super) options: GpuOptions,
     pub(super) is_software: bool,               // Whether the device runs on the processor.
     pub(super) kept_looks: Option<LookBuffers>, // Of the renderer before.
-    pub(super) list: Option<Arc<LineList>>,
-    pub(super) listed_slab: Option<usize>, // Index of the slab whose lines are on the device.
-    /// On the device: whole lanes, the last used last; or a slab of a lane that is too large.
+    pub(super) lists: Vec<(usize, Arc<LineList>)>, // The line list of each level that was drawn.
+    /// On the device: whole lanes of some levels, the last used last; or a slab of a lane that is too large.
     pub(super) slabs: Vec<SlabBuffers>,
     pub(super) buffers: FrameBuffers,
     pub(super) current: Compositor, // The compositor of the frame that is being drawn.
@@ -63,8 +62,7 @@ impl Resident {
             options,
             is_software,
             kept_looks: None,
-            list: None,
-            listed_slab: None,
+            lists: Vec::new(),
             slabs: Vec::new(),
             buffers: FrameBuffers::default(),
             current: Compositor::Tiles,
@@ -78,7 +76,7 @@ impl Resident {
         GpuRenderer { scene, looks: None, resident: self }
     }
 
-    /// Takes records of a lane whose channels are not in memory: the steps, values, normals, magnitudes and coverages of
+    /// Takes records of a lane of level 0 whose channels are not in memory: the steps, values, normals, magnitudes and coverages of
     /// those from `first`, a multiple of 4, on. Voxels that have not arrived are not drawn.
     ///
     /// # Errors
@@ -101,7 +99,7 @@ impl Resident {
         if !is_own {
             return Err(Error::input("records", "are not those of a lane whose channels are not in memory"));
         }
-        let place = match self.slabs.iter().position(|slab| slab.is_whole && slab.axis == lane.axis) {
+        let place = match self.slabs.iter().position(|slab| slab.is_lane(0, lane.axis)) {
             Some(place) => place,
             None => {
                 self.add_lane(lane)?;
@@ -147,30 +145,30 @@ impl Resident {
         while !self.slabs.is_empty() && need + self.slabs.iter().map(SlabBuffers::bytes).sum::<u64>() > have {
             self.slabs.remove(0);
         }
-        let slab = SlabBuffers::new(&self.context, lane, true, sizes)?;
+        let slab = SlabBuffers::new(&self.context, 0, lane, true, sizes)?;
         slab.upload(&self.context, lane, &tiles)?;
         self.slabs.push(slab);
         Ok(())
     }
 
-    /// Returns whether all records of the lane along `axis` are on the device.
+    /// Returns whether all records of level 0's lane along `axis` are on the device.
     pub fn has_lane(&self, axis: Axis) -> bool {
-        self.slabs.iter().any(|slab| slab.is_whole && slab.axis == axis && slab.missing == 0)
+        self.slabs.iter().any(|slab| slab.is_lane(0, axis) && slab.missing == 0)
     }
 
-    /// Frees the lane along `axis`, if it is on the device.
+    /// Frees level 0's lane along `axis`, if it is on the device.
     pub fn forget_lane(&mut self, axis: Axis) {
-        self.slabs.retain(|slab| slab.axis != axis);
+        self.slabs.retain(|slab| (slab.level, slab.axis) != (0, axis));
     }
 
-    /// Reads those tiles of a lane back into memory whose voxels may lie in a box that `wants` accepts. The lane's channels
+    /// Reads those tiles of a lane of level 0 back into memory whose voxels may lie in a box that `wants` accepts. The lane's channels
     /// are on the device, as far as they have arrived.
     ///
     /// # Errors
     /// [`Error::Limit`] if the tiles are too large to be read at once; [`Error::Device`].
     pub async fn tiles_back(&mut self, lane: &Lane<'_>, wants: impl Fn(&VoxelBox) -> bool) -> Result<OwnedLane> {
         let mut back = OwnedLane::new(lane.axis, lane.dims, lane.channels);
-        let Some(slab) = self.slabs.iter().find(|slab| slab.is_whole && slab.axis == lane.axis) else {
+        let Some(slab) = self.slabs.iter().find(|slab| slab.is_lane(0, lane.axis)) else {
             return Ok(back);
         };
         let mut runs = Vec::new();
@@ -185,7 +183,7 @@ impl Resident {
             records += count;
             runs.push(first..first + count);
         }
-        let [widths @ .., _] = lane.channels.widths();
+        let widths = lane.channels.widths();
         // Copies are of whole words.
         let aligned = |width: usize, run: &std::ops::Range<u64>| {
             let [start, end] = [run.start, run.end].map(|record| record * width as u64);
@@ -208,7 +206,7 @@ impl Resident {
                 }
                 context.submit([encoder.finish()])?;
                 let split = |read: &[u8]| {
-                    let (mut channels, mut at) = ([const { Vec::new() }; 4], 0);
+                    let (mut channels, mut at) = ([const { Vec::new() }; 5], 0);
                     for (channel, width, run) in copies().filter(|(_, width, run)| *width > 0 && !run.is_empty()) {
                         let (start, end, skipped, wanted) = aligned(width, run);
                         let [from, count] = [at + skipped, wanted].map(|n| usize::try_from(n).expect("it was mapped"));
@@ -220,7 +218,7 @@ impl Resident {
                 context.read(&buffer, bytes.max(4), split).await
             })
             .await?;
-        let [steps, values, normals, magnitudes] = channels;
-        Ok(OwnedLane { steps, values, normals, magnitudes, ..back })
+        let [steps, values, normals, magnitudes, coverages] = channels;
+        Ok(OwnedLane { steps, values, normals, magnitudes, coverages, ..back })
     }
 }

@@ -1,6 +1,7 @@
 //! The buffers of a slab (a part of a lane) on the device, with its channels as they are in the file.
 //!
-//! In: a lane and the tiles of a slab. Out: six buffers: tiles, line ends, steps, values, normals, magnitudes.
+//! In: a lane and the tiles of a slab. Out: seven buffers: tiles, line ends, steps, values, normals, magnitudes,
+//! coverages.
 //! Neighbouring tiles of the lane are copied as one run, a whole lane in one run for each channel; nothing is repacked.
 //! Only the first line and the first record of each tile are changed, to count from the start of the slab.
 
@@ -16,9 +17,10 @@ use super::lines::line_count;
 use crate::arena::Lane;
 use crate::arena::layout::{TileRecord, line_end_bytes};
 use crate::error::{Error, Result};
+use crate::traverse::Order;
 use crate::volume::Axis;
 
-const NAMES: [&str; 6] = ["tiles", "line ends", "steps", "values", "normals", "magnitudes"];
+const NAMES: [&str; 7] = ["tiles", "line ends", "steps", "values", "normals", "magnitudes", "coverages"];
 const STEPS: usize = 2; // Index in [`NAMES`] of the first buffer with an element per record.
 const STAGING_BYTES: usize = 1 << 20; // How many bytes are gathered before they are copied to the device.
 const PAGER_RECORDS: u64 = 1 << 14; // How many records a pager is told at once that it must load.
@@ -26,15 +28,17 @@ const PAGER_RECORDS: u64 = 1 << 14; // How many records a pager is told at once 
 /// The buffers of a slab.
 #[derive(Debug)]
 pub(crate) struct SlabBuffers {
+    pub(crate) level: usize, // The level of detail that the lane belongs to.
     pub(crate) axis: Axis,
     pub(crate) is_whole: bool,       // Whether the slab is the whole lane.
-    pub(crate) buffers: [Buffer; 6], // In the order of [`NAMES`].
+    pub(crate) buffers: [Buffer; 7], // In the order of [`NAMES`].
     /// How many records are neither in memory nor have arrived on the device.
     pub(crate) missing: u64,
+    lines: Option<(Order, Buffer)>, // The lines of the slab in visit order, and the key of their list.
 }
 
 /// The bytes of each buffer of a slab, in the order of [`NAMES`].
-pub(crate) type SlabSizes = [u64; 6];
+pub(crate) type SlabSizes = [u64; 7];
 
 /// Returns the sizes of the buffers for a slab of `tiles` of `lane`. [`Error::Input`] if these tiles have more records
 /// than the lane, as only in a damaged file.
@@ -49,14 +53,14 @@ pub(crate) fn slab_sizes(lane: &Lane, tiles: &[u32]) -> Result<SlabSizes> {
     }
     let [ends, widths @ ..] = widths(lane);
     let tiles = tiles.len() as u64 * size_of::<TileRecord>() as u64;
-    let [steps, values, normals, magnitudes] = widths.map(|width| records * width);
-    Ok([tiles, lines * ends, steps, values, normals, magnitudes])
+    let [steps, values, normals, magnitudes, coverages] = widths.map(|width| records * width);
+    Ok([tiles, lines * ends, steps, values, normals, magnitudes, coverages])
 }
 
-/// Returns the bytes per line end, step, value, normal and gradient magnitude of `lane`.
-fn widths(lane: &Lane) -> [u64; 5] {
-    let [steps, values, normals, magnitudes, _] = lane.channels.widths().map(|width| width as u64);
-    [line_end_bytes(lane.dims[lane.axis.index()]).into(), steps, values, normals, magnitudes]
+/// Returns the bytes per line end, step, value, normal, gradient magnitude and coverage of `lane`.
+fn widths(lane: &Lane) -> [u64; 6] {
+    let [steps, values, normals, magnitudes, coverages] = lane.channels.widths().map(|width| width as u64);
+    [line_end_bytes(lane.dims[lane.axis.index()]).into(), steps, values, normals, magnitudes, coverages]
 }
 
 /// A range of consecutive lines of a lane, and the range of their records.
@@ -93,17 +97,51 @@ fn runs<'a>(lane: &'a Lane, tiles: &'a [u32]) -> impl Iterator<Item = LaneRun> +
 }
 
 impl SlabBuffers {
-    /// Creates the buffers of a slab of `lane`, filled with zeros.
-    pub(crate) fn new(context: &Context, lane: &Lane, is_whole: bool, sizes: SlabSizes) -> Result<SlabBuffers> {
+    /// Creates the buffers of a slab of `lane`, a lane of `level`, filled with zeros.
+    pub(crate) fn new(
+        context: &Context,
+        level: usize,
+        lane: &Lane,
+        is_whole: bool,
+        sizes: SlabSizes,
+    ) -> Result<SlabBuffers> {
         let named = NAMES.into_iter().zip(sizes);
         let buffers: Vec<_> = named.map(|(name, bytes)| context.buffer(name, bytes, STORAGE)).collect::<Result<_>>()?;
         let buffers = buffers.try_into().expect("as many as there are names");
         let missing = lane.elsewhere.map_or(0, |elsewhere| elsewhere.records);
-        Ok(SlabBuffers { axis: lane.axis, is_whole, buffers, missing })
+        Ok(SlabBuffers { level, axis: lane.axis, is_whole, buffers, missing, lines: None })
     }
 
     pub(crate) fn bytes(&self) -> u64 {
-        self.buffers.iter().map(Buffer::size).sum()
+        let lines = self.lines.as_ref().map_or(0, |(_, lines)| lines.size());
+        lines + self.buffers.iter().map(Buffer::size).sum::<u64>()
+    }
+
+    /// Returns whether this is all of the lane of `level` along `axis`.
+    pub(crate) fn is_lane(&self, level: usize, axis: Axis) -> bool {
+        self.is_whole && (self.level, self.axis) == (level, axis)
+    }
+
+    /// Copies the slab's lines of the list with this key to the device, unless they are there; returns the bytes that were
+    /// copied.
+    pub(crate) fn list_lines(&mut self, context: &Context, key: Order, lines: &[u32]) -> Result<u64> {
+        if self.lines.as_ref().is_some_and(|(listed, _)| *listed == key) {
+            return Ok(0);
+        }
+        let bytes = size_of_val(lines) as u64;
+        let buffer = match self.lines.take() {
+            Some((_, buffer)) if buffer.size() >= bytes => buffer,
+            _ => context.buffer("lines", bytes, STORAGE)?,
+        };
+        context.fill(&buffer, bytemuck::cast_slice(lines))?;
+        self.lines = Some((key, buffer));
+        Ok(bytes)
+    }
+
+    /// Returns the slab's lines, which were copied before.
+    pub(crate) fn lines(&self) -> &Buffer {
+        let (_, lines) = self.lines.as_ref().expect("a slab's lines are copied before it is walked");
+        lines
     }
 
     /// Fills the buffers with `tiles` of `lane`; returns the bytes that were copied. Channels that are not in memory stay as
@@ -122,7 +160,7 @@ impl SlabBuffers {
         }
         let (stored, widths) = (sections(lane), widths(lane));
         // The lines and records of the patch (tiles that an overlay changed) follow the lane's own.
-        let patch = lane.patch.map_or([&[][..]; 5], |patch| sections(&patch.view()));
+        let patch = lane.patch.map_or([&[][..]; 6], |patch| sections(&patch.view()));
         for run in runs(lane, tiles) {
             let mut copy = |part: usize, elements: &Range<u64>| -> Result<()> {
                 let (stored, patch, width) = (stored[part - 1], patch[part - 1], widths[part - 1]);
@@ -148,9 +186,10 @@ impl SlabBuffers {
     }
 }
 
-/// Returns the line ends, steps, values, normals and gradient magnitudes of a lane as bytes, without those of its patch.
-fn sections<'a>(lane: &Lane<'a>) -> [&'a [u8]; 5] {
-    [lane.line_ends.as_bytes(), lane.steps, lane.values, lane.normals, lane.magnitudes]
+/// Returns the line ends, steps, values, normals, gradient magnitudes and coverages of a lane as bytes, without those of its
+/// patch.
+fn sections<'a>(lane: &Lane<'a>) -> [&'a [u8]; 6] {
+    [lane.line_ends.as_bytes(), lane.steps, lane.values, lane.normals, lane.magnitudes, lane.coverages]
 }
 
 /// Writes bytes to a buffer on the device, gathered into copies of whole words.

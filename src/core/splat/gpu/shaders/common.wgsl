@@ -43,7 +43,8 @@ struct FrameUniform {
     rays: array<vec4<f32>, 3>,
     eye_voxel: vec4<f32>, // The eye in voxel coordinates, rounded. w: radius of the kernel, in voxels.
     eye_rest: vec4<f32>, // What the eye has beyond that. w: near voxels with a smaller depth are not drawn.
-    nesting: vec4<u32>, // The slow, medium and fast axis: 0, 1 or 2.
+    nesting: vec3<u32>, // The slow, medium and fast axis: 0, 1 or 2.
+    coverage_bits: u32, // Bits of a coverage code: 8 or 16; 0 if all voxels are wholly visible.
     eye_ceil: i32, // The eye's coordinate on the fast axis, rounded up.
     eye_twice: i32, // Twice that coordinate, rounded down.
     fast_order: u32, // ASCENDING, DESCENDING, SPLIT or INTERLEAVED.
@@ -80,7 +81,7 @@ struct Chunk {
 // A voxel that the walk visited.
 struct VisitedVoxel {
     xy: u32, // x in the low half, y in the high half.
-    z: u32,
+    z_coverage: u32, // z in the low half, the coverage code in the high half.
     record: u32, // Index of the voxel's record in the slab; NO_RECORD for a slot without a voxel.
 }
 

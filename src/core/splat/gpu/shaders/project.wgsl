@@ -41,6 +41,36 @@ struct Footprint {
     density: f32, // pi divided by the area of the one-sigma ellipse, in 1 / square pixels.
 }
 
+// How much of a voxel is visible: its share, and where that lies from the voxel's grid point, in voxels.
+struct Coverage {
+    share: f32,
+    offset: vec3<f32>,
+}
+
+// Returns what a coverage code stands for: arena/coverage.rs, of_code.
+fn coverage_of(code: u32) -> Coverage {
+    if frame.coverage_bits == 0u {
+        return Coverage(1.0, vec3<f32>(0.0));
+    }
+    if frame.coverage_bits == 8u {
+        let points = f32(countOneBits(code));
+        let high = vec3<f32>(countOneBits(vec3<u32>(code) & vec3<u32>(0xaau, 0xccu, 0xf0u)));
+        // The difference is exact: an axis that is not halved has an offset of 0.
+        return Coverage(points / 8.0, (0.5 * high - 0.25 * points) / max(points, 1.0));
+    }
+    let share = f32(code & 0x7fu) / 127.0;
+    let places = min((vec3<u32>(code) >> vec3<u32>(7u, 10u, 13u)) & vec3<u32>(7u), vec3<u32>(6u));
+    return Coverage(share * share, (vec3<f32>(places) - 3.0) / 8.0);
+}
+
+// Returns by how much a screen coordinate changes with an offset in voxels.
+fn displacement(row: AffineRow, shift: i32, offset: vec3<f32>) -> f32 {
+    if frame.coverage_bits == 0u {
+        return 0.0;
+    }
+    return dot(vec3<f32>(row.whole.xyz) * ldexp(1.0, -shift) + row.remainder.xyz, offset);
+}
+
 fn remainder_sum(row: AffineRow, at: vec3<f32>) -> f32 {
     return row.remainder.x * at.x + row.remainder.y * at.y + row.remainder.z * at.z + row.remainder.w;
 }
@@ -49,7 +79,7 @@ fn whole_sum(row: AffineRow, at: vec3<i32>) -> i32 {
     return row.whole.x * at.x + row.whole.y * at.y + row.whole.z * at.z + row.whole.w;
 }
 
-fn pixel_position(row: AffineRow, shift: i32, xyz: vec3<u32>) -> PixelPosition {
+fn pixel_position(row: AffineRow, shift: i32, xyz: vec3<u32>, offset: vec3<f32>) -> PixelPosition {
     let at = vec3<f32>(xyz);
     let unit = ldexp(1.0, -shift);
     let sum = whole_sum(row, vec3<i32>(xyz));
@@ -59,13 +89,14 @@ fn pixel_position(row: AffineRow, shift: i32, xyz: vec3<u32>) -> PixelPosition {
         nearest = (sum + (1 << u32(shift - 1))) >> u32(shift);
         fraction = f32(sum - (nearest << u32(shift))) * unit;
     }
-    fraction += remainder_sum(row, at);
+    fraction += remainder_sum(row, at) + displacement(row, shift, offset);
     let more = round(fraction);
     return PixelPosition(nearest + i32(more), fraction - more, abs(fraction) < FAR);
 }
 
-fn coordinate(row: AffineRow, shift: i32, xyz: vec3<u32>) -> f32 {
-    return f32(whole_sum(row, vec3<i32>(xyz))) * ldexp(1.0, -shift) + remainder_sum(row, vec3<f32>(xyz));
+fn coordinate(row: AffineRow, shift: i32, xyz: vec3<u32>, offset: vec3<f32>) -> f32 {
+    let rest = remainder_sum(row, vec3<f32>(xyz)) + displacement(row, shift, offset);
+    return f32(whole_sum(row, vec3<i32>(xyz))) * ldexp(1.0, -shift) + rest;
 }
 
 fn nearest_pixel(at: f32) -> PixelPosition {
@@ -145,14 +176,16 @@ fn value_of(record: u32) -> u32 {
     return (values[record >> 1u] >> (16u * (record & 1u))) & 0xffffu;
 }
 
-// Returns the colour and the optical depth (in a maximum, the normalised value) of a record's voxel.
-fn look_of(record: u32) -> vec4<f32> {
+// Returns the colour and the optical depth (in a maximum, the normalised value) of a record's voxel, of which a share is
+// visible.
+fn look_of(record: u32, share: f32) -> vec4<f32> {
     let value = value_of(record);
     var look = looks[value];
     if frame.uses_magnitude == 1u {
         let magnitude = (magnitudes[record >> 2u] >> (8u * (record & 3u))) & 0xffu;
         look.w = depths[(value << 8u) | magnitude];
     }
+    look.w *= share;
     return look;
 }
 
@@ -224,11 +257,11 @@ fn pixels_between(centre: f32, first: f32, last: f32, low: i32, high: i32) -> ve
 }
 
 // Returns the splat of a voxel near the eye.
-fn near_splat(voxel: VisitedVoxel, xyz: vec3<u32>, depth: f32) -> Splat {
+fn near_splat(voxel: VisitedVoxel, xyz: vec3<u32>, cover: Coverage, depth: f32) -> Splat {
     if !(depth >= frame.eye_rest.w) {
         return nothing();
     }
-    let offset = (vec3<f32>(xyz) - frame.eye_voxel.xyz) - frame.eye_rest.xyz;
+    let offset = (vec3<f32>(xyz) - frame.eye_voxel.xyz) - frame.eye_rest.xyz + cover.offset;
     let radius = frame.eye_voxel.w;
     let square = dot(offset, offset);
     var columns = vec2<i32>(frame.window.x, frame.window.z - 1);
@@ -246,7 +279,7 @@ fn near_splat(voxel: VisitedVoxel, xyz: vec3<u32>, depth: f32) -> Splat {
         rows = pixels_between(frame.centre.y, -y.y, -y.x, rows.x, rows.y);
     }
     let is_in_window = rows.x < frame.window.w && rows.y >= frame.window.y;
-    let look = look_of(voxel.record);
+    let look = look_of(voxel.record, cover.share);
     if columns.x > columns.y || rows.x > rows.y || !is_in_window || !(look.w > 0.0) {
         return nothing();
     }
@@ -262,9 +295,11 @@ fn between(first: f32, last: f32, low: i32, high: i32) -> vec2<i32> {
     return vec2<i32>(max(nearest_pixel(first + 0.49).nearest, low), min(nearest_pixel(last - 0.49).nearest, high));
 }
 
-// Returns the voxel of a maximum: cpu/maximum.rs, Rays::pixels. Voxels behind the eye are left out.
-fn value_splat(voxel: VisitedVoxel, xyz: vec3<u32>) -> Splat {
-    let value = look_of(voxel.record).w;
+// Returns the voxel of a maximum, which lies at its grid point: cpu/maximum.rs, Rays::pixels. Voxels behind the eye are left
+// out.
+fn value_splat(voxel: VisitedVoxel, xyz: vec3<u32>, share: f32) -> Splat {
+    let value = look_of(voxel.record, share).w;
+    let offset = vec3<f32>(0.0);
     let last_column = frame.window.z - 1;
     let last_row = i32(frame.picture_rows) - 1;
     var x: PixelPosition;
@@ -274,19 +309,19 @@ fn value_splat(voxel: VisitedVoxel, xyz: vec3<u32>) -> Splat {
     var from_eye = vec3<f32>(0.0);
     var closeness = 0.0;
     if frame.is_perspective == 0u {
-        x = pixel_position(frame.rows[0], frame.shifts.x, xyz);
-        y = pixel_position(frame.rows[1], frame.shifts.y, xyz);
+        x = pixel_position(frame.rows[0], frame.shifts.x, xyz, offset);
+        y = pixel_position(frame.rows[1], frame.shifts.y, xyz, offset);
         columns = span(x, frame.half_width.x, frame.window.x, last_column);
         rows = span(y, frame.half_width.y, 0, last_row);
     } else {
-        let depth = coordinate(frame.rows[2], frame.shifts.z, xyz);
+        let depth = coordinate(frame.rows[2], frame.shifts.z, xyz, offset);
         let reach = frame.ellipse.xyz;
         if !(depth > 0.0 && depth + reach.z >= frame.near) {
             return nothing();
         }
         closeness = 1.0 / depth;
-        let right = coordinate(frame.rows[0], frame.shifts.x, xyz);
-        let up = coordinate(frame.rows[1], frame.shifts.y, xyz);
+        let right = coordinate(frame.rows[0], frame.shifts.x, xyz, offset);
+        let up = coordinate(frame.rows[1], frame.shifts.y, xyz, offset);
         x = nearest_pixel(frame.centre.x + frame.focal * (right * closeness));
         y = nearest_pixel(frame.centre.y - frame.focal * (up * closeness));
         let nearest = max(depth - reach.z, frame.near);
@@ -314,7 +349,7 @@ fn value_splat(voxel: VisitedVoxel, xyz: vec3<u32>) -> Splat {
 }
 
 fn splat_of(voxel: VisitedVoxel) -> Splat {
-    let xyz = vec3<u32>(voxel.xy & 0xffffu, voxel.xy >> 16u, voxel.z);
+    let xyz = vec3<u32>(voxel.xy & 0xffffu, voxel.xy >> 16u, voxel.z_coverage & 0xffffu);
     if any(xyz < frame.crop_low.xyz) || any(xyz > frame.crop_high.xyz) {
         return nothing();
     }
@@ -322,25 +357,26 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
     if clipped.x + clipped.y + clipped.z < frame.clip.w {
         return nothing();
     }
+    let cover = coverage_of(voxel.z_coverage >> 16u);
     if frame.is_maximum == 1u {
-        return value_splat(voxel, xyz);
+        return value_splat(voxel, xyz, cover.share);
     }
     var x: PixelPosition;
     var y: PixelPosition;
     var ellipse: Footprint;
     var strength = frame.ellipse.w;
     if frame.is_perspective == 0u {
-        x = pixel_position(frame.rows[0], frame.shifts.x, xyz);
-        y = pixel_position(frame.rows[1], frame.shifts.y, xyz);
+        x = pixel_position(frame.rows[0], frame.shifts.x, xyz, cover.offset);
+        y = pixel_position(frame.rows[1], frame.shifts.y, xyz, cover.offset);
         ellipse = Footprint(frame.ellipse.x, frame.ellipse.y, frame.ellipse.z, frame.half_width, 1.0);
     } else {
-        let depth = coordinate(frame.rows[2], frame.shifts.z, xyz);
+        let depth = coordinate(frame.rows[2], frame.shifts.z, xyz, cover.offset);
         if !(depth >= frame.near) {
-            return near_splat(voxel, xyz, depth);
+            return near_splat(voxel, xyz, cover, depth);
         }
         let closeness = 1.0 / depth;
-        let tx = coordinate(frame.rows[0], frame.shifts.x, xyz) * closeness;
-        let ty = coordinate(frame.rows[1], frame.shifts.y, xyz) * closeness;
+        let tx = coordinate(frame.rows[0], frame.shifts.x, xyz, cover.offset) * closeness;
+        let ty = coordinate(frame.rows[1], frame.shifts.y, xyz, cover.offset) * closeness;
         x = nearest_pixel(frame.centre.x + frame.focal * tx);
         y = nearest_pixel(frame.centre.y - frame.focal * ty);
         let scale = frame.focal * closeness;
@@ -354,7 +390,7 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
     if !x.is_near || !y.is_near || columns.x > columns.y || rows.x > rows.y || !is_in_window || !(strength > 0.0) {
         return nothing();
     }
-    let look = look_of(voxel.record);
+    let look = look_of(voxel.record, cover.share);
     let peak = min(look.w * strength, frame.max_depth);
     if !(peak > 0.0) {
         return nothing();

@@ -30,10 +30,12 @@ struct LineBlock {
 @group(0) @binding(2) var<storage, read> tiles: array<Tile>;
 @group(0) @binding(3) var<storage, read> line_ends: array<u32>;
 @group(0) @binding(4) var<storage, read> steps: array<u32>;
+// Stage project has no binding left for it, so the walk hands a voxel's coverage on.
+@group(0) @binding(5) var<storage, read> coverages: array<u32>;
 // The high 26 bits are the index of a tile, the low 6 bits a line of that tile.
-@group(0) @binding(5) var<storage, read> lines: array<u32>;
-@group(0) @binding(6) var<storage, read> blocks: array<LineBlock>;
-@group(0) @binding(7) var<storage, read_write> voxels: array<VisitedVoxel>;
+@group(0) @binding(6) var<storage, read> lines: array<u32>;
+@group(0) @binding(7) var<storage, read> blocks: array<LineBlock>;
+@group(0) @binding(8) var<storage, read_write> voxels: array<VisitedVoxel>;
 
 const LINES: u32 = 64u; // Most lines of a block.
 const STEPPING: i32 = 255; // By how many voxels a stepping record advances; its step byte is 0.
@@ -51,6 +53,16 @@ fn step_byte(record: u32) -> i32 {
     return i32((steps[record >> 2u] >> (8u * (record & 3u))) & 0xffu);
 }
 
+fn coverage_code(record: u32) -> u32 {
+    if frame.coverage_bits == 0u {
+        return 0u;
+    }
+    if frame.coverage_bits == 8u {
+        return (coverages[record >> 2u] >> (8u * (record & 3u))) & 0xffu;
+    }
+    return (coverages[record >> 1u] >> (16u * (record & 1u))) & 0xffffu;
+}
+
 fn distance(step: i32) -> i32 {
     return select(step, STEPPING, step == 0);
 }
@@ -63,7 +75,8 @@ fn write_voxel(slot: u32, at: i32, line: vec2<u32>, record: u32, step: i32) {
     } else if frame.fast_axis == 2u {
         xyz = vec3<u32>(line.x, line.y, coordinate);
     }
-    voxels[slot] = VisitedVoxel(xyz.x | (xyz.y << 16u), xyz.z, select(record, NO_RECORD, step == 0));
+    let z_coverage = xyz.z | (coverage_code(record) << 16u);
+    voxels[slot] = VisitedVoxel(xyz.x | (xyz.y << 16u), z_coverage, select(record, NO_RECORD, step == 0));
 }
 
 @compute @workgroup_size(64)
