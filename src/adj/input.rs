@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::info::is_adj;
-use super::values::{Choice, choice, library};
+use super::values::{Choice, LevelChoice, choice, library, resolution};
 use super::{is_same_file, print_note, starts_as_adj};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::phantom::Phantom;
@@ -94,8 +94,8 @@ pub(super) struct InputArguments {
     #[arg(long, value_name = "N", default_value_t = 0)]
     volume: u32,
     /// Resolution to read of an OME-Zarr image; 0 is the finest
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    level: u32,
+    #[arg(long, value_name = "N", default_value = "0", value_parser = resolution)]
+    pub(super) level: LevelChoice,
     /// DICOM series to read if the folder holds several: its number in the list that adj prints, or the end of its UID
     #[arg(long, value_name = "NUMBER|UID")]
     series: Option<String>,
@@ -111,7 +111,7 @@ pub(super) struct InputArguments {
 }
 
 impl InputArguments {
-    /// Returns the first flag of this group that is on the command line, if there is one.
+    /// Returns the first flag of this group that is on the command line and is for volumes alone, if there is one.
     pub(super) fn given(&self) -> Option<&'static str> {
         let flags = [
             ("--dims", self.dims.is_some()),
@@ -120,13 +120,20 @@ impl InputArguments {
             ("--skip", self.skip.is_some()),
             ("--spacing", self.spacing.is_some()),
             ("--volume", self.volume != 0),
-            ("--level", self.level != 0),
             ("--series", self.series.is_some()),
             ("--outside-files", self.outside_files),
             ("--unscaled", self.unscaled),
             ("--flip", !self.flip.is_empty()),
         ];
         flags.iter().find(|(_, given)| *given).map(|(flag, _)| *flag)
+    }
+
+    /// Returns the resolution to read of an image.
+    fn resolution(&self) -> u32 {
+        match self.level {
+            LevelChoice::Auto => 0,
+            LevelChoice::Number(level) => level,
+        }
     }
 
     /// Opens `input`. Prints the notes of the file's reader to stderr.
@@ -146,7 +153,7 @@ impl InputArguments {
     /// Opens `input` as its file describes it.
     fn as_it_says(&self, Input { files, path: input }: &Input) -> Result<Box<dyn SlabSource>> {
         if let Some(phantom) = phantom(input)? {
-            if self.level != 0 || self.series.is_some() {
+            if self.resolution() != 0 || self.series.is_some() {
                 return Err(Error::input("--level, --series", "are for OME-Zarr and DICOM; leave them out"));
             }
             let sample_type = self.sample_type.map_or(SampleType::U8, |(sample_type, _)| sample_type);
@@ -157,7 +164,7 @@ impl InputArguments {
             return Err(Error::input(input.display().to_string(), why));
         }
         let mut options =
-            OpenOptions::new().volume_index(self.volume).level(self.level).outside_files(self.outside_files);
+            OpenOptions::new().volume_index(self.volume).level(self.resolution()).outside_files(self.outside_files);
         if let Some(raw) = self.raw()? {
             options = options.raw(raw);
         }

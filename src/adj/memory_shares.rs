@@ -10,13 +10,14 @@
 use indicatif::HumanBytes;
 
 use super::resources::resident_bytes;
+use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Arena, Lane, LaneSet};
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::IN_FLIGHT;
+use adjsplat::internals::{IN_FLIGHT, level_kernel};
 use adjsplat::splat::cpu;
 use adjsplat::splat::cpu::Canvas;
-use adjsplat::splat::{Blending, Camera, Lanes, Sampling, Settings};
-use adjsplat::traverse::VoxelBox;
+use adjsplat::splat::{Blending, Camera, Lanes, Sampling, Settings, View};
+use adjsplat::traverse::{Order, VoxelBox};
 use adjsplat::volume::Axis;
 use adjsplat_pictures::{PictureKind, SampleDepth};
 
@@ -28,6 +29,8 @@ const GROWTH: u64 = 6 << 20;
 const BETWEEN_RUNS: u64 = 2 << 20;
 /// Fewest bytes of the file's pages that may be resident: with fewer, page faults take longer than drawing.
 const LEAST_RESIDENT: u64 = 4 << 20;
+/// Bytes of a pixel.
+const PIXEL: u64 = 4 * size_of::<f32>() as u64;
 /// Bytes needed to derive a lane, per byte of the lane along x: the lane, its copy while it grows, and a strip.
 const DERIVING: u64 = 3;
 
@@ -56,24 +59,32 @@ impl MemoryShares {
         cameras: &[Camera],
     ) -> Result<MemoryShares> {
         let frames = u32::try_from(cameras.len()).expect("frames are counted in 32 bits");
-        let dims = arena.facts().grid.dims;
-        let grid = &arena.facts().grid;
-        let mut canvases = vec![Canvas::Picture];
-        if let Some((low, high)) = arena.lanes().next().and_then(|lane| lane.bounds()) {
+        let drawn = drawn(arena, settings.level);
+        // Each way to draw, with the grid points and the tiles of what is drawn.
+        let mut canvases = Vec::new();
+        for (level, arena) in &drawn {
+            let grid = &arena.facts().grid;
+            let tiles = arena.lanes().map(|lane| lane.tiles.len() as u64).max().unwrap_or(0);
+            canvases.push((Canvas::Picture, grid.dims, tiles));
+            let Some((low, high)) = arena.lanes().next().and_then(|lane| lane.bounds()) else { continue };
             for &sampling in samplings {
-                let settings = settings.clone().with_sampling(sampling);
+                let kernel = level_kernel(settings.kernel(), *level);
+                let settings = settings.clone().with_kernel(kernel).with_sampling(sampling);
                 for camera in cameras {
-                    canvases.push(cpu::canvas(grid, &VoxelBox { low, high }, camera, &settings)?);
+                    let canvas = cpu::canvas(grid, &VoxelBox { low, high }, camera, &settings)?;
+                    canvases.push((canvas, grid.dims, tiles));
                 }
             }
         }
-        let tiles = arena.lanes().map(|lane| lane.tiles.len() as u64).max().unwrap_or(0);
         let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
+        // A picture of coarser levels is put together from parts.
+        let parts = if drawn.iter().all(|(level, _)| *level == 0) { 0 } else { pixels * PIXEL };
         let base = BASE.max(resident_bytes().unwrap_or(0) + GROWTH);
         let need = |threads: usize| {
             let settings = settings.clone().with_threads(threads);
-            let drawing = canvases.iter().map(|&canvas| cpu::memory_need(dims, tiles, canvas, &settings)).max();
-            let drawing = drawing.unwrap_or(0);
+            let drawing =
+                canvases.iter().map(|&(canvas, dims, tiles)| cpu::memory_need(dims, tiles, canvas, &settings));
+            let drawing = drawing.max().unwrap_or(0).saturating_add(parts);
             // The frame is freed before its picture is encoded.
             let writing = kind.memory(depth, pixels);
             let in_flight = IN_FLIGHT * threads as u64;
@@ -86,7 +97,7 @@ impl MemoryShares {
             let frames = if frames > 1 { format!(", {frames} frames") } else { String::new() };
             let instead = match () {
                 () if settings.blending == Blending::Sheets => ", a smaller --size, or --blending exponential",
-                () if canvases.iter().any(|canvas| *canvas != Canvas::Picture) => {
+                () if canvases.iter().any(|(canvas, ..)| *canvas != Canvas::Picture) => {
                     ", a smaller --size, or --sampling every"
                 }
                 () => ", or a smaller --size",
@@ -98,11 +109,34 @@ impl MemoryShares {
             return Err(Error::input("--memory", why));
         };
         let missing = Axis::ALL.iter().filter(|axis| arena.lane(**axis).is_none()).count() as u64;
-        let x = arena.lane(Axis::X).map_or(0, |lane| lane.bytes());
+        let x = drawn.iter().filter_map(|(_, arena)| arena.lane(Axis::X)).map(|lane| lane.bytes()).sum::<u64>();
         let derived = x.saturating_mul(DERIVING).saturating_mul(missing);
         let derived = if derived.saturating_add(LEAST_RESIDENT) <= left { derived } else { 0 };
         Ok(MemoryShares { threads, resident: left - derived, derived })
     }
+
+    /// Returns whether the lanes that `cameras` walk along are stored, or may be derived.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a camera or `settings` cannot be used.
+    pub(super) fn has_lanes(&self, arena: &Arena, settings: &Settings, cameras: &[Camera]) -> Result<bool> {
+        let grid = &arena.facts().grid;
+        for camera in cameras {
+            let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
+            let order = Order::new(view.viewpoint, grid.dims, settings.sense, settings.form)?;
+            if self.derived == 0 && arena.lane(order.fast).is_none() {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+}
+
+/// Returns the levels of a file that a picture may need: `level`, or all.
+fn drawn<'a>(arena: &Arena<'a>, level: Option<usize>) -> Vec<(usize, Arena<'a>)> {
+    let coarser = (1..=arena.level_count()).filter_map(|number| Some((usize::from(number), arena.level(number)?)));
+    let all = std::iter::once((0, arena.clone())).chain(coarser);
+    all.filter(|(number, _)| level.is_none_or(|level| level == *number)).collect()
 }
 
 /// Returns how many bytes of `memory` the file's pages may take while one thread only reads the file.
@@ -110,16 +144,43 @@ pub(super) fn memory_of_pages(memory: u64) -> u64 {
     memory.saturating_sub(BASE.max(resident_bytes().unwrap_or(0)) + GROWTH + IN_FLIGHT).max(LEAST_RESIDENT)
 }
 
-/// The lanes (all scan lines along one axis each) of a file; missing ones are derived if memory allows.
+/// The lanes (all scan lines along one axis each) of a file and of its levels; missing ones are derived if memory allows.
 pub(super) struct BoundedLanes<'a> {
-    pub(super) lanes: LaneSet<'a>,
+    /// The lanes of the voxels, then those of each level.
+    lanes: Vec<LaneSet<'a>>,
+    level_facts: Vec<Facts>,
     /// The limit of `--memory` in bytes, if the flag is given.
-    pub(super) memory: Option<u64>,
+    memory: Option<u64>,
+}
+
+impl<'a> BoundedLanes<'a> {
+    /// Wraps `arena`, whose derived lanes may take `derived` bytes in all: no more than [`MemoryShares`] says, or without
+    /// limit.
+    pub(super) fn new(arena: Arena<'a>, memory: Option<u64>, derived: Option<u64>) -> BoundedLanes<'a> {
+        let arenas: Vec<Arena> = drawn(&arena, None).into_iter().map(|(_, arena)| arena).collect();
+        let level_facts = arenas[1..].iter().map(|level| level.facts().clone()).collect();
+        let lanes = arenas.into_iter().map(|arena| LaneSet::new(arena, derived)).collect();
+        BoundedLanes { lanes, level_facts, memory }
+    }
+
+    /// Returns the file's arena.
+    pub(super) fn arena(&self) -> &Arena<'a> {
+        self.lanes[0].arena()
+    }
 }
 
 impl Lanes for BoundedLanes<'_> {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
-        self.lanes.lane(axis).map_err(|error| match (error, self.memory) {
+        self.lane_of(0, axis)
+    }
+
+    fn levels(&self) -> &[Facts] {
+        &self.level_facts
+    }
+
+    fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {
+        let missing = || Error::input("level", format!("{level} is not in the file"));
+        self.lanes.get(level).ok_or_else(missing)?.lane(axis).map_err(|error| match (error, self.memory) {
             (Error::Limit { need, .. }, Some(memory)) => {
                 let why = format!(
                     "is {}, but this view needs the lane along {}, which the file does not store and which takes about {} to make; build the file with --lanes xyz, or give more",

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use indicatif::HumanBytes;
 
 use self::frames::{draw_frames, numbered};
 use self::look::{LookArguments, chosen};
@@ -25,9 +26,9 @@ use super::renderer::{RendererArguments, needs_volume};
 use super::resources::processors;
 use super::size::memory;
 use super::stored::{missing_values, stored_transfer};
-use super::values::number;
+use super::values::{LevelChoice, level, number};
 use super::{Answer, print_note};
-use adjsplat::arena::{Arena, LaneSet, Levels};
+use adjsplat::arena::{Arena, Levels};
 use adjsplat::build::Resources;
 use adjsplat::classify::TransferFunction;
 use adjsplat::collection::Collection;
@@ -35,7 +36,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput, arena_bytes, check_writable, open_rows, scratch_folder};
 use adjsplat::internals::{description, drawable};
 use adjsplat::limits::Limits;
-use adjsplat::splat::{Camera, Outline, Scene, Settings};
+use adjsplat::splat::{Camera, Outline, Sampling, Scene, Settings};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::Axis;
 use adjsplat_judge::dial;
@@ -45,6 +46,7 @@ use adjsplat_pictures::PictureKind;
 /// Draw an .adj file or a volume: one picture, or the frames of a full turn
 #[derive(Debug, Args)]
 #[command(
+    mut_arg("level", of_file),
     after_help = "Examples:\n  adj render head.adj -o head.png --azimuth 30 --elevation 10\n  adj render head.adj -o turn.apng --frames 36 --size 400x400\n  adj render ct.nhdr --tf ct-bone+1024 -o bone.png --perspective 30\n  adj render head.adj -o inside.png --camera eye.json\n      with eye.json: {\"position\": [0, 90, 0], \"target\": [0, 0, 0], \"up\": [0, 0, 1], \"fov\": 60}"
 )]
 pub(super) struct Arguments {
@@ -61,6 +63,9 @@ pub(super) struct Arguments {
     /// Most memory to take, from 64MiB: 500MB, 2GiB; no limit by default. The picture is the same
     #[arg(long, value_name = "SIZE", value_parser = memory)]
     memory: Option<u64>,
+    /// With --memory or --vram, draw the finest level of detail of an .adj file that fits, if the picture does not
+    #[arg(long, conflicts_with = "max_error")]
+    fit: bool,
     /// Threads, 1 to 1024; by default one for each processor, or as many as fit into --memory
     #[arg(long, value_name = "N", value_parser = number(1..=1024usize))]
     threads: Option<usize>,
@@ -92,6 +97,15 @@ pub(super) struct Arguments {
     reading: InputArguments,
     #[command(flatten)]
     renderer: RendererArguments,
+}
+
+/// Returns `--level` of volumes as a flag that also names the level of an .adj file.
+fn of_file(flag: clap::Arg) -> clap::Arg {
+    let help = "Level of detail of an .adj file to draw: a coarser level has fewer voxels, each for a block of those of \
+                the level below, and 0 the voxels themselves; auto draws the coarsest that keep the accuracy of \
+                --quality standard or draft, place by place. Of an OME-Zarr image: the resolution to read; 0, the \
+                finest, for auto";
+    flag.value_name("N|auto").default_value("auto").value_parser(level).help(help).help_heading("Look")
 }
 
 /// Parses a part of several: `2/4`.
@@ -128,6 +142,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         }
     }
     let is_volume = !is_collection && !is_adj(input.path())?;
+    if arguments.fit && memory.is_none() && !arguments.renderer.bounds_device() {
+        return Err(Error::input("--fit", "is for --memory and --vram; give one of them, or leave it out"));
+    }
     let start = Instant::now();
     let job = RenderJob { arguments, input: &input, kind, outputs: &outputs, memory, is_volume, start };
     if arguments.renderer.is_reference() {
@@ -180,8 +197,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let bytes = arena_bytes(&visible.facts, &lanes, &description(&header, &visible)?);
     drop((visible, lanes));
     let arena = Arena::new(&bytes).map_err(|fault| Error::Format { path: input.path().to_path_buf(), fault })?;
-    let cameras = pictured(arguments, &arena, &mut settings)?;
-    draw(&job, settings, &cameras, LaneSet::new(arena, None), None)
+    let cameras = job.pictured(&arena, &mut settings)?;
+    draw(&job, settings, &cameras, BoundedLanes::new(arena, None, None), None)
 }
 
 /// What a command draws, and where the pictures go.
@@ -206,20 +223,92 @@ impl RenderJob<'_> {
     }
 
     fn draw_file(&self, file: AdjFile, mut settings: Settings, transfer: Option<TransferFunction>) -> Result<Answer> {
-        let cameras = pictured(self.arguments, &file.arena()?, &mut settings)?;
+        let cameras = self.pictured(&file.arena()?, &mut settings)?;
         let Some(memory) = self.memory else {
-            return draw(self, settings, &cameras, LaneSet::new(file.arena()?, None), transfer);
+            return draw(self, settings, &cameras, BoundedLanes::new(file.arena()?, None, None), transfer);
         };
         let mut samplings = match self.arguments.look.max_error {
             Some(_) => dial::RUNGS.map(|rung| rung.sampling).to_vec(),
             None => vec![settings.sampling()],
         };
         samplings.dedup();
-        let depth = self.arguments.look.bits;
-        let shares = MemoryShares::divide(memory, &file.arena()?, &settings, &samplings, self.kind, depth, &cameras)?;
+        let shares = self.shares(memory, &file.arena()?, &mut settings, &samplings, &cameras)?;
         settings.threads = shares.threads;
         let file = file.keep_resident_below(shares.resident)?;
-        draw(self, settings, &cameras, LaneSet::new(file.arena()?, Some(shares.derived)), transfer)
+        draw(self, settings, &cameras, BoundedLanes::new(file.arena()?, self.memory, Some(shares.derived)), transfer)
+    }
+
+    /// Divides `memory`. With `--fit`, where the picture does not fit, it does so for the finest level that fits, which it
+    /// sets in `settings` and names.
+    fn shares(
+        &self,
+        memory: u64,
+        arena: &Arena,
+        settings: &mut Settings,
+        samplings: &[Sampling],
+        cameras: &[Camera],
+    ) -> Result<MemoryShares> {
+        let depth = self.arguments.look.bits;
+        let divide =
+            |settings: &Settings| MemoryShares::divide(memory, arena, settings, samplings, self.kind, depth, cameras);
+        let fits = |shares: &Result<MemoryShares>| match shares {
+            Ok(shares) => shares.has_lanes(arena, settings, cameras),
+            Err(_) => Ok(false),
+        };
+        let shares = divide(settings);
+        if !self.arguments.fit || fits(&shares)? {
+            return shares;
+        }
+        for level in settings.level.unwrap_or(0)..=usize::from(arena.level_count()) {
+            let of_level = settings.clone().with_level(level);
+            let shares = divide(&of_level);
+            if fits(&shares)? {
+                print_note(&format!("note: level {level} is drawn, the finest that fits into {}", HumanBytes(memory)));
+                *settings = of_level;
+                return shares;
+            }
+        }
+        shares
+    }
+
+    /// Returns the camera of every frame of a file, and sets the crop and the level.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the file does not have the level.
+    fn pictured(&self, arena: &Arena, settings: &mut Settings) -> Result<Vec<Camera>> {
+        let arguments = self.arguments;
+        let grid = &arena.facts().grid;
+        settings.level = self.level(arena.level_count())?;
+        settings.crop = arguments.view.crop.map(|crop| crop.in_grid(grid.dims)).transpose()?;
+        let lane = arena.lane(Axis::X).expect("every arena that opens has the lane along x");
+        cameras(&arguments.view, &Outline::of_lane(grid, lane, settings.crop), settings.size)
+    }
+
+    /// Returns the level of detail to draw of a file that has `count` coarser levels; `None` for what suits the picture.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the file does not have it, or if it cannot be drawn with another flag.
+    fn level(&self, count: u8) -> Result<Option<usize>> {
+        let LevelChoice::Number(level) = self.arguments.reading.level else { return Ok(None) };
+        if self.is_volume {
+            // It was the volume's resolution.
+            return Ok(None);
+        }
+        if level > u32::from(count) {
+            let name = self.input.path().display();
+            let has = match count {
+                0 => "level 0 alone; adj trim --levels makes others".to_owned(),
+                _ => format!("levels 0 to {count}"),
+            };
+            return Err(Error::input("--level", format!("is {level}, but {name} has {has}")));
+        }
+        if level > 0 && self.arguments.look.max_error.is_some() {
+            return Err(Error::input(
+                "--level",
+                "is not for --max-error, which chooses the level; leave one of them out",
+            ));
+        }
+        Ok(Some(level as usize))
     }
 
     /// Draws with the reference renderer, which reads the volume itself.
@@ -264,7 +353,7 @@ fn draw(
     job: &RenderJob,
     mut settings: Settings,
     cameras: &[Camera],
-    lanes: LaneSet,
+    lanes: BoundedLanes,
     transfer: Option<TransferFunction>,
 ) -> Result<Answer> {
     let RenderJob { arguments, memory, is_volume, .. } = *job;
@@ -285,7 +374,6 @@ fn draw(
     if let Some(cause) = shows_missing_voxels(arena, &settings, transfer_given, &cameras[0])? {
         print_note(&format!("note: this file was built with --cull-hidden; {cause} that voxels are missing"));
     }
-    let lanes = BoundedLanes { lanes, memory };
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
     let renderer = arguments.renderer.renderer(scene, memory.is_some(), settings.blending)?;
     let mut measured = None;
@@ -306,12 +394,4 @@ fn draw(
     }
     let background = arguments.look.background(&transfer);
     draw_frames(job, &settings, cameras, renderer, background, measured)
-}
-
-/// Returns the camera of every frame of a file, and sets the crop.
-fn pictured(arguments: &Arguments, arena: &Arena, settings: &mut Settings) -> Result<Vec<Camera>> {
-    let grid = &arena.facts().grid;
-    settings.crop = arguments.view.crop.map(|crop| crop.in_grid(grid.dims)).transpose()?;
-    let lane = arena.lane(Axis::X).expect("every arena that opens has the lane along x");
-    cameras(&arguments.view, &Outline::of_lane(grid, lane, settings.crop), settings.size)
 }

@@ -2,6 +2,7 @@
 //!
 //! In: `--renderer`, `--adapter`, `--vram`, `--compositor`, `--accumulate`. Out: frames, and numbers for `--stats`.
 
+use std::collections::BTreeSet;
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
@@ -15,6 +16,7 @@ use super::size::video_memory;
 use adjsplat::classify::TransferFunction;
 use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
+use adjsplat::internals::level_parts;
 use adjsplat::splat::{Blending, Camera, Frame, Scene, Settings, cpu};
 use adjsplat_judge::reference::Judge;
 
@@ -97,6 +99,11 @@ impl RendererArguments {
     /// Returns whether the user asks for the reference, which draws volumes only.
     pub(super) fn is_reference(&self) -> bool {
         self.renderer == RendererName::Reference
+    }
+
+    /// Returns whether the video memory of a graphics device is bounded.
+    pub(super) fn bounds_device(&self) -> bool {
+        self.vram.is_some()
     }
 
     /// Returns the flags for graphics devices, and whether each is on the command line.
@@ -205,6 +212,22 @@ impl<'a> Renderer<'a> {
     pub(super) fn instead(fault: &Error, scene: Scene<'a>) -> Renderer<'a> {
         print_note(&format!("note: {fault}; the processor draws instead"));
         Renderer::Cpu(scene)
+    }
+
+    /// Returns the levels of detail that a picture shows, finest first.
+    ///
+    /// # Errors
+    /// Any error of the camera or of the settings.
+    pub(super) fn levels(&self, camera: &Camera, settings: &Settings) -> Result<BTreeSet<usize>> {
+        match self {
+            Renderer::Reference(_) | Renderer::Bricks(..) => Ok(BTreeSet::from([0])),
+            _ => Ok(level_parts(self.scene()?, camera, settings)?.into_iter().map(|part| part.level).collect()),
+        }
+    }
+
+    /// Returns whether the scene has a coarser level of detail than that of `settings`.
+    pub(super) fn has_coarser(&self, settings: &Settings) -> bool {
+        self.scene().is_ok_and(|scene| settings.level.unwrap_or(0) < scene.lanes.levels().len())
     }
 
     fn scene(&self) -> Result<&Scene<'a>> {

@@ -40,6 +40,20 @@ pub(super) fn processors() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from).min(1024)
 }
 
+/// Returns the seconds that processors have worked for this process; where the system does not say, those of a clock.
+pub(super) fn processor_seconds() -> f64 {
+    #[cfg(unix)]
+    {
+        let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+        time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
+    }
+    #[cfg(not(unix))]
+    {
+        static START: std::sync::LazyLock<std::time::Instant> = std::sync::LazyLock::new(std::time::Instant::now);
+        START.elapsed().as_secs_f64()
+    }
+}
+
 /// Returns the largest resident size of the process so far, in bytes; `None` where the system does not say.
 pub(super) fn peak_rss_bytes() -> Option<u64> {
     status_bytes("VmHWM:")

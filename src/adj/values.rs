@@ -53,6 +53,27 @@ pub(super) fn library<T>(parse: impl Fn(&str) -> Result<T> + Clone) -> impl Fn(&
     }
 }
 
+/// Which level of a file or of an image to take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum LevelChoice {
+    /// What suits the picture.
+    Auto,
+    Number(u32),
+}
+
+/// Parses the number of a resolution of an image.
+pub(super) fn resolution(text: &str) -> Result<LevelChoice, String> {
+    text.trim().parse().map(LevelChoice::Number).map_err(|_| "must be a number, from 0".into())
+}
+
+/// Parses the level to draw: a number or `auto`.
+pub(super) fn level(text: &str) -> Result<LevelChoice, String> {
+    match text.trim() {
+        "auto" => Ok(LevelChoice::Auto),
+        number => resolution(number).map_err(|_| "must be auto, or a number from 0".into()),
+    }
+}
+
 /// Parses the number of levels of detail: a number, `auto` or `none`.
 pub(super) fn levels(text: &str) -> Result<Levels, String> {
     match text.trim() {

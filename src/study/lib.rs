@@ -22,6 +22,7 @@ pub mod baselines;
 pub mod cache;
 pub mod lane_walk;
 pub mod layouts;
+pub mod levels;
 pub mod memory;
 mod ours;
 pub mod picture;

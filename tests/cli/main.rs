@@ -13,6 +13,7 @@ mod harness;
 mod hidden;
 mod interrupt;
 mod killed;
+mod levels;
 mod library;
 mod memory;
 mod outputs;

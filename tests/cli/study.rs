@@ -1,4 +1,4 @@
-//! `adj study speed`, `walk`, `memory` and `accuracy`: what they print and write, in little time.
+//! `adj study speed`, `walk`, `memory`, `accuracy` and `levels`: what they print and write, in little time.
 
 use std::collections::BTreeSet;
 
@@ -176,6 +176,42 @@ fn the_order_pops_where_it_switches_and_the_error_falls_in_three() {
 }
 
 #[test]
+fn levels_have_a_row_for_every_size_and_choice() {
+    let folder = Folder::new();
+    folder.adj("build phantom:shells --dims 64x64x64 --levels 2 -o a.adj").done();
+    folder.adj("build phantom:noise --dims 40x40x40 --range 1.. --levels 1 -o b.adj").done();
+    let table = folder.adj("study levels a.adj b.adj --quick --quiet --json l.json --csv l.csv --plot l.svg").done();
+    assert!(table.contains("32 x 32 x 32") && table.contains("times fewer"), "{table}");
+    let rows = rows(&folder, "l.json");
+    // Level 0, auto at standard and at draft, and each level, at four sizes; then both files together.
+    assert_eq!(rows.len(), 4 * (5 + 4 + 5));
+    let number = |row: &Value, column: &str| row[column].as_f64().unwrap_or_else(|| panic!("{column}: {row}"));
+    for row in rows.iter().filter(|row| row["set"] == "a") {
+        let level = row["levels"].as_str().expect("a text");
+        match row["drawn"].as_str().expect("a text") {
+            "auto, standard" if row["pixels_a_voxel"] == 0.25 => assert_eq!(level, "1"),
+            "auto, draft" if row["pixels_a_voxel"] == 0.125 => assert_eq!(level, "2"),
+            "auto, standard" | "auto, draft" => {}
+            drawn => assert_eq!(drawn, format!("level {level}")),
+        }
+        assert!(number(row, "ms") > 0.0 && number(row, "db") > 10.0, "{row}");
+        assert!(number(row, "least") <= number(row, "times_faster") * 1.000_001, "{row}");
+        if row["drawn"] == "level 1" {
+            let fewer = number(row, "times_fewer");
+            assert!(fewer > 2.0 && fewer < 9.0, "{row}");
+            assert!(
+                number(row, "voxels_walked") < number(&rows[0], "voxels_walked") && number(row, "added_percent") > 0.0
+            );
+            assert!(2.0 * number(row, "lane_bytes") < number(&rows[0], "lane_bytes"), "{row}");
+        }
+    }
+    assert!(
+        std::fs::read_to_string(folder.file("l.csv")).unwrap().lines().count() == rows.len() + 1
+            && folder.file("l.svg").exists()
+    );
+}
+
+#[test]
 fn studies_refuse_what_they_cannot_do() {
     let folder = Folder::new();
     std::fs::write(folder.file("note.txt"), "no volume").unwrap();
@@ -192,6 +228,9 @@ fn studies_refuse_what_they_cannot_do() {
         ("study walk phantom:shells --views above", ["--views", "outside"]),
         ("study memory phantom:shells --plot memory.txt", ["memory.txt", ".svg"]),
         ("study memory phantom:shells --json missing/m.json", ["missing", "folder"]),
+        ("study levels small.adj", ["small.adj", "adj trim --levels auto"]),
+        ("study levels missing.adj", ["missing.adj", "open"]),
+        ("study levels small.adj --repetitions 0", ["--repetitions", "1"]),
         ("study accuracy small.adj", ["small.adj", "samples"]),
         ("study accuracy note.txt", ["what is visible", "--range"]),
         ("study accuracy --all", ["--data <FOLDER>", "required"]),

@@ -2,14 +2,16 @@
 
 use std::collections::HashMap;
 
+use adjsplat::Build;
 use adjsplat::build::Built;
 use adjsplat::error::Error;
 use adjsplat::splat::{Camera, Orbit, Quality, Settings};
+use adjsplat::volume::SampleType;
 use adjsplat_judge::dial;
 use adjsplat_judge::dial::{Choice, RUNGS};
 use adjsplat_tests::at_full;
 use adjsplat_tests::pictures::apart;
-use adjsplat_tests::scenes::{Draw as _, built_phantom};
+use adjsplat_tests::scenes::{Draw as _, built_phantom, phantom, red_to_blue};
 
 fn camera(built: &Built, azimuth: f64, elevation: f64, fov: Option<f64>, size: [u32; 2]) -> Camera {
     built.camera(Orbit { azimuth, elevation, fov, zoom: 1.3, ..Orbit::default() }, size)
@@ -39,6 +41,36 @@ fn a_bound_is_kept_by_whole_pictures() {
             assert!(rungs.is_sorted() && rungs[0] < rungs[3], "{name}: the dial does not turn: {rungs:?}");
             assert_eq!(*rungs.last().unwrap(), RUNGS.len() - 1, "{name}: no error at all is the reference alone");
         }
+    }
+}
+
+#[test]
+fn a_bound_is_kept_by_levels_of_detail() {
+    let size = [40, 36];
+    for (name, fov) in [("shells", None), ("gyroid", Some(20.0))] {
+        let volume = phantom(name, [96; 3], SampleType::U8, [1.0; 3]);
+        let model = Build::new(red_to_blue(name, [0.5; 2])).with_levels(2).run(volume).unwrap();
+        let settings = Settings::every_pixel(size);
+        let orbit = Orbit { azimuth: 20.0, elevation: 30.0, fov, ..Orbit::default() };
+        let view = model.camera(&orbit, &settings).unwrap();
+        let exact = settings.clone().with_quality(Quality::Reference).with_level(0);
+        let right = model.render(&view, &exact).unwrap();
+        let mut levels = Vec::new();
+        for bound in [1.0, 0.4, 0.1, 0.01, 0.0] {
+            let Choice { settings, measured, .. } =
+                dial::choose(&model.scene(), &[view], &settings, bound, || true).unwrap();
+            let worst = apart(&right, &model.render(&view, &settings).unwrap());
+            println!("{name}: bound {bound}: level {:?}, measured {measured:.5}, picture {worst:.5}", settings.level);
+            assert!(worst <= bound, "{name}: {worst} with level {:?}, for a bound of {bound}", settings.level);
+            levels.push(settings.level.expect("the dial names the level"));
+        }
+        assert!(levels[0] > 0 && levels.is_sorted_by(|a, b| a >= b), "{name}: {levels:?}");
+        assert_eq!(levels[4], 0, "{name}: no error at all is the voxels alone");
+        // The caller may ask for the voxels; near by, levels are not tried.
+        let voxels = settings.clone().with_level(0);
+        assert_eq!(dial::choose(&model.scene(), &[view], &voxels, 1.0, || true).unwrap().settings.level, Some(0));
+        let near = settings.clone().with_size([400, 360]);
+        assert_eq!(dial::choose(&model.scene(), &[view], &near, 1.0, || true).unwrap().settings.level, Some(0));
     }
 }
 

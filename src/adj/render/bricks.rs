@@ -3,13 +3,14 @@
 use super::super::Answer;
 use super::super::flags::one_line;
 use super::super::join::{check_spared, open};
+use super::super::memory_shares::BoundedLanes;
 use super::super::progress::Progress;
 use super::super::renderer::Renderer;
 use super::super::stored::stored_transfer;
 use super::frames::draw_frames;
 use super::view::cameras;
-use super::{RenderJob, draw, pictured};
-use adjsplat::arena::{Arena, LaneSet, Levels};
+use super::{RenderJob, draw};
+use adjsplat::arena::{Arena, Levels};
 use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{RowsOutput, open_rows, scratch_folder};
@@ -41,8 +42,8 @@ impl RenderJob<'_> {
         let bytes = collection.joined_bytes(u64::MAX, settings.threads, &mut progress)?;
         drop(progress);
         let arena = Arena::new(&bytes).map_err(|fault| Error::Format { path: self.input.path().into(), fault })?;
-        let cameras = pictured(arguments, &arena, &mut settings)?;
-        draw(self, settings, &cameras, LaneSet::new(arena, None), transfer)
+        let cameras = self.pictured(&arena, &mut settings)?;
+        draw(self, settings, &cameras, BoundedLanes::new(arena, None, None), transfer)
     }
 
     fn check_stats(&self, collection: &Collection) -> Result<()> {
@@ -72,6 +73,7 @@ impl RenderJob<'_> {
                 return Err(Error::input(flag, "is not for --bricks; leave one of them out"));
             }
         }
+        settings.level = self.level(0)?;
         settings.crop = arguments.view.crop.map(|crop| crop.in_grid(collection.grid().dims)).transpose()?;
         let first = collection.bricks().iter().find_map(|brick| brick.file.as_ref());
         let first = first

@@ -1,5 +1,6 @@
 //! Draws the frames of `adj render` and writes pictures and statistics.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
@@ -32,16 +33,30 @@ pub(super) fn draw_frames(
     let mut progress = Progress::new(arguments.quiet || arguments.view.frames == 1);
     let mut pictures = Vec::new();
     let mut all_stats = Vec::new();
+    let mut settings = settings.clone();
+    let mut levels = BTreeSet::new();
     let mut digest = Sha256::new();
     let mut draw = |number: usize, camera: &Camera| {
         if progress.show("render", number as u64, arguments.view.frames.into()).is_break() {
             return Err(Error::Interrupted);
         }
-        let (mut frame, stats) = renderer.render(camera, settings)?;
+        let (mut frame, stats) = loop {
+            match renderer.render(camera, &settings) {
+                Err(Error::Limit { .. }) if arguments.fit && renderer.has_coarser(&settings) => {
+                    let level = settings.level.unwrap_or(0) + 1;
+                    print_note(&format!(
+                        "note: level {level} is tried, as the video memory is too small for a finer one"
+                    ));
+                    settings.level = Some(level);
+                }
+                drawn => break drawn?,
+            }
+        };
         if let Some(background) = background {
             frame.over(background);
         }
         all_stats.push(stats);
+        levels.extend(renderer.levels(camera, &settings)?);
         let picture = Picture::new(&frame, kind, arguments.look.bits);
         drop(frame);
         digest.update(picture.bytes());
@@ -61,8 +76,9 @@ pub(super) fn draw_frames(
     }
     drop(progress);
     if let Some(path) = &arguments.stats {
-        let mut stats = stats_json(settings, &renderer, &all_stats, &format!("{:x}", digest.finalize()));
+        let mut stats = stats_json(&settings, &renderer, &all_stats, &format!("{:x}", digest.finalize()));
         stats["measured_error"] = json!(measured);
+        stats["levels"] = json!(levels);
         write_atomically_unless(&interrupted, path, |out| writeln!(out, "{stats:#}"))?;
     }
     let drawn = all_stats.iter().map(|stats| stats.splats_drawn).max().unwrap_or(0);
@@ -74,14 +90,25 @@ pub(super) fn draw_frames(
     let mean = all_stats.iter().map(|stats| stats.frame_ms).sum::<f64>() / all_stats.len() as f64;
     let many = if outputs.len() > 1 { format!(" to {}", outputs[outputs.len() - 1].display()) } else { String::new() };
     print_result(&format!(
-        "{}{many}: {}x{}, {drawn} splats, {mean:.1} ms a frame, {:.2} s in all{}",
+        "{}{many}: {}x{}, {drawn} splats{}, {mean:.1} ms a frame, {:.2} s in all{}",
         outputs[0].display(),
         settings.size[0],
         settings.size[1],
+        if levels.iter().all(|level| *level == 0) { String::new() } else { of_levels(&levels) },
         start.elapsed().as_secs_f64(),
         renderer.adapter().map(|adapter| format!(", by {adapter}")).unwrap_or_default(),
     ));
     Ok(Answer::Yes)
+}
+
+/// Says of which levels the splats of a picture are.
+fn of_levels(levels: &BTreeSet<usize>) -> String {
+    let mut names: Vec<String> = levels.iter().map(usize::to_string).collect();
+    match names.pop() {
+        Some(last) if names.is_empty() => format!(" of level {last}"),
+        Some(last) => format!(" of levels {} and {last}", names.join(", ")),
+        None => String::new(),
+    }
 }
 
 /// Says which of `count` numbered frames are written when `error` ends the drawing; returns the error if none is.

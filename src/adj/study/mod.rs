@@ -4,6 +4,7 @@ mod accuracy;
 mod cache;
 mod cache_tables;
 mod layouts;
+mod levels;
 mod memory;
 mod orders;
 pub(super) mod output;
@@ -41,6 +42,7 @@ enum Study {
     Memory(memory::Arguments),
     Cache(Box<cache::Arguments>),
     Layouts(layouts::Arguments),
+    Levels(levels::Arguments),
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
@@ -51,6 +53,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         Study::Memory(arguments) => memory::run(arguments),
         Study::Cache(arguments) => cache::run(arguments),
         Study::Layouts(arguments) => layouts::run(arguments),
+        Study::Levels(arguments) => levels::run(arguments),
     }
 }
 

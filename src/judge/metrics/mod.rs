@@ -56,19 +56,11 @@ pub struct SampleErrors {
 /// # Errors
 /// [`Error::Input`] if the sizes differ, or if a sample is not a finite number.
 pub fn compare(right: &Frame, other: &Frame, background: [f32; 3]) -> Result<Metrics> {
-    if right.size() != other.size() {
-        let [[a, b], [c, d]] = [right.size(), other.size()];
-        return Err(Error::input("pictures", format!("are {a}x{b} and {c}x{d}; compare pictures of one size")));
-    }
-    for (which, frame) in [("first", right), ("second", other)] {
-        if !frame.pixels().iter().all(|sample| sample.is_finite()) {
-            return Err(Error::input(format!("{which} picture"), "has samples that are no finite numbers"));
-        }
-    }
+    check(right, other)?;
     let (rights, others) = (right.pixels().as_chunks::<4>().0, other.pixels().as_chunks::<4>().0);
-    let shown: Vec<usize> = (0..rights.len()).filter(|&at| rights[at] != [0.0; 4] || others[at] != [0.0; 4]).collect();
+    let shown = shown(rights, others);
     let [a, b] = [right, other].map(|frame| DisplayPicture::new(frame, background));
-    let linear = ErrorSums::of(&shown, |at| (rights[at].map(f64::from), others[at].map(f64::from)));
+    let linear = linear_errors(&shown, rights, others);
     let seen = ErrorSums::of(&shown, |at| (a.colours[at], b.colours[at]));
     let sum = |pixels: &[[f32; 4]]| pixels.as_flattened().iter().map(|&sample| f64::from(sample)).sum::<f64>();
     let (before, after) = (sum(rights), sum(others));
@@ -85,6 +77,40 @@ pub fn compare(right: &Frame, other: &Frame, background: [f32; 3]) -> Result<Met
         energy: if before == after { 0.0 } else { after / before - 1.0 },
         display: seen.errors(),
     })
+}
+
+/// Returns [`Metrics::psnr`] alone, which is much faster than all metrics.
+///
+/// # Errors
+/// The errors of [`compare`].
+pub fn psnr(right: &Frame, other: &Frame) -> Result<f64> {
+    check(right, other)?;
+    let (rights, others) = (right.pixels().as_chunks::<4>().0, other.pixels().as_chunks::<4>().0);
+    Ok(linear_errors(&shown(rights, others), rights, others).errors().psnr)
+}
+
+/// Checks that two pictures can be compared.
+fn check(right: &Frame, other: &Frame) -> Result<()> {
+    if right.size() != other.size() {
+        let [[a, b], [c, d]] = [right.size(), other.size()];
+        return Err(Error::input("pictures", format!("are {a}x{b} and {c}x{d}; compare pictures of one size")));
+    }
+    for (which, frame) in [("first", right), ("second", other)] {
+        if !frame.pixels().iter().all(|sample| sample.is_finite()) {
+            return Err(Error::input(format!("{which} picture"), "has samples that are no finite numbers"));
+        }
+    }
+    Ok(())
+}
+
+/// Returns the indices of the pixels that are not empty in both pictures.
+fn shown(rights: &[[f32; 4]], others: &[[f32; 4]]) -> Vec<usize> {
+    (0..rights.len()).filter(|&at| rights[at] != [0.0; 4] || others[at] != [0.0; 4]).collect()
+}
+
+/// Returns the errors of linear samples in the pixels `shown`.
+fn linear_errors(shown: &[usize], rights: &[[f32; 4]], others: &[[f32; 4]]) -> ErrorSums {
+    ErrorSums::of(shown, |at| (rights[at].map(f64::from), others[at].map(f64::from)))
 }
 
 /// The sums of errors over samples, from which the metrics are computed.

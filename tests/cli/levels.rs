@@ -1,0 +1,117 @@
+//! Levels of detail in pictures: which are drawn, what is said of them, and what is refused.
+
+use serde_json::{Value, json};
+
+use super::harness::{Folder, Runs as _};
+
+fn read(folder: &Folder, name: &str) -> String {
+    std::fs::read_to_string(folder.file(name)).expect("it was written")
+}
+
+/// A folder with `plain.adj`, and with `a.adj`, which has two levels beside it.
+fn shells() -> Folder {
+    let folder = Folder::new();
+    folder.adj("build phantom:shells --dims 96x96x96 -o plain.adj").done();
+    folder.adj("trim plain.adj -o a.adj --levels 2").done();
+    folder
+}
+
+/// Draws a picture; what is printed, and the statistics.
+fn drawn(folder: &Folder, line: &str) -> (String, Value) {
+    let told = folder.adj(&format!("render {line} --renderer cpu -o p.png --stats s.json")).done();
+    (told, serde_json::from_str(&read(&folder, "s.json")).expect("JSON"))
+}
+
+#[test]
+fn a_level_is_drawn_and_named() {
+    let folder = shells();
+    let (told, plain) = drawn(&folder, "plain.adj --size 200x200");
+    assert!(!told.contains("level"), "{told}");
+    assert_eq!(plain["levels"], json!([0]));
+    let (told, voxels) = drawn(&folder, "a.adj --size 200x200 --level 0");
+    assert!(!told.contains("level"), "{told}");
+    assert_eq!((&voxels["levels"], &voxels["image_sha256"]), (&json!([0]), &plain["image_sha256"]));
+    let mut fewest = voxels["splats_drawn"].as_u64().expect("a number");
+    for level in [1, 2] {
+        let (told, stats) = drawn(&folder, &format!("a.adj --size 200x200 --level {level}"));
+        assert!(told.contains(&format!(" splats of level {level}, ")), "{told}");
+        assert_eq!(stats["levels"], json!([level]));
+        let splats = stats["splats_drawn"].as_u64().expect("a number");
+        assert!(splats > 0 && 2 * splats < fewest, "level {level}: {splats} after {fewest}");
+        fewest = splats;
+    }
+}
+
+#[test]
+fn the_view_and_the_quality_choose_the_level() {
+    let folder = shells();
+    let levels = |line: &str| drawn(&folder, &format!("a.adj {line}")).1["levels"].clone();
+    assert_eq!(levels("--size 200x200"), json!([0]));
+    assert_eq!(levels("--size 24x24"), levels("--size 24x24 --level auto"));
+    assert_eq!(levels("--size 24x24"), json!([1]));
+    assert_eq!(levels("--size 24x24 --quality draft"), json!([2]));
+    assert_eq!(levels("--size 24x24 --quality high"), json!([0]));
+    assert_eq!(levels("--size 24x24 --mode maximum"), json!([0]));
+    let (told, stats) = drawn(&folder, "a.adj --size 60x60 --perspective 100 --quality draft");
+    assert_eq!(stats["levels"], json!([0, 1]));
+    assert!(told.contains(" splats of levels 0 and 1, "), "{told}");
+}
+
+#[test]
+fn levels_that_are_not_there_are_refused_with_those_that_are() {
+    let folder = shells();
+    let refused = |line: &str, parts: &[&str]| {
+        folder.adj(&format!("render {line} -o p.png")).refused(parts);
+        assert!(!folder.file("p.png").exists(), "{line}");
+    };
+    refused("a.adj --level 3", &["--level", "is 3", "a.adj has levels 0 to 2"]);
+    refused("plain.adj --level 1", &["--level", "is 1", "level 0 alone", "adj trim --levels"]);
+    refused("a.adj --level -1", &["--level"]);
+    refused("a.adj --level coarse", &["--level", "auto"]);
+    refused("a.adj --level 1 --max-error 0.1", &["--level", "--max-error"]);
+    refused("a.adj --level 1 --renderer reference", &["reference needs the volume"]);
+    folder.adj("split plain.adj -o b.adjs --bricks 2x1x1").done();
+    refused("b.adjs --bricks --level 1", &["--level", "level 0 alone"]);
+    refused("b.adjs --level 1", &["--level", "level 0 alone"]);
+    folder.adj("render a.adj -o p.png --size 40x40 --level 0 --max-error 0.5").done();
+}
+
+#[test]
+fn the_dial_draws_a_level_where_its_error_is_allowed() {
+    let folder = shells();
+    let line = "a.adj --size 24x24 --max-error";
+    let (_, loose) = drawn(&folder, &format!("{line} 0.9"));
+    assert_eq!(loose["levels"], json!([2]));
+    let (_, strict) = drawn(&folder, &format!("{line} 0.001"));
+    let (_, plain) = drawn(&folder, "plain.adj --size 24x24 --max-error 0.001");
+    assert_eq!(strict["levels"], json!([0]));
+    assert_eq!(strict["image_sha256"], plain["image_sha256"]);
+}
+
+#[test]
+fn a_picture_that_does_not_fit_into_the_memory_is_drawn_from_a_level_that_does() {
+    let folder = Folder::new();
+    // Lanes that are missing have to be made, of 4 million voxels.
+    folder.adj("build phantom:constant --dims 160x160x160 --range 1.. --lanes x --levels 2 -o a.adj").done();
+    let line =
+        |more: &str| format!("render a.adj -o p.png --size 64x64 --azimuth 90 --memory 64MiB --renderer cpu {more}");
+    folder.adj(&line("")).refused(&["--memory", "lane along"]);
+    let ran = folder.adj(&line("--fit --stats s.json"));
+    assert_eq!(ran.stderr, "adj: note: level 1 is drawn, the finest that fits into 64.00 MiB\n");
+    assert!(ran.done().contains("of level 1, "));
+    let fitted = std::fs::read(folder.file("p.png")).expect("it was drawn");
+    folder.adj("render a.adj -o q.png --size 64x64 --azimuth 90 --level 1 --renderer cpu").done();
+    assert!(std::fs::read(folder.file("q.png")).expect("it was drawn") == fitted);
+    let stats: Value = serde_json::from_str(&read(&folder, "s.json")).expect("JSON");
+    if let Some(peak) = stats["peak_rss_bytes"].as_u64() {
+        assert!(peak < 64 << 20, "it took {peak} bytes");
+    }
+    // What fits is drawn as without the flag; where nothing fits, the error is that without the flag.
+    let ran = folder.adj("render a.adj -o p.png --size 64x64 --memory 1GiB --renderer cpu --level 0 --fit");
+    assert_eq!((ran.code, ran.stderr.as_str()), (Some(0), ""));
+    let huge = "render a.adj -o p.png --size 8000x8000 --memory 64MiB --renderer cpu";
+    let told = folder.adj(huge).refused(&["--memory", "8000x8000"]);
+    assert_eq!(folder.adj(&format!("{huge} --fit")).refused(&["8000x8000"]), told);
+    folder.adj("render a.adj -o p.png --fit").refused(&["--fit", "--memory", "--vram"]);
+    folder.adj("render a.adj -o p.png --fit --memory 64MiB --max-error 0.1").refused(&["--fit", "--max-error"]);
+}
