@@ -19,7 +19,7 @@ fn shells() -> Folder {
 /// Draws a picture; what is printed, and the statistics.
 fn drawn(folder: &Folder, line: &str) -> (String, Value) {
     let told = folder.adj(&format!("render {line} --renderer cpu -o p.png --stats s.json")).done();
-    (told, serde_json::from_str(&read(&folder, "s.json")).expect("JSON"))
+    (told, serde_json::from_str(&read(folder, "s.json")).expect("JSON"))
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! Pictures of levels of detail, beside those of the voxels themselves.
 
-use adjsplat::{Build, Model};
 use adjsplat::internals::{LevelPart, level_parts};
 use adjsplat::splat::{Camera, Code, Frame, Lanes, Mode, Projection, Quality, Settings};
 use adjsplat::volume::SampleType;
+use adjsplat::{Build, Model};
 use adjsplat_tests::pictures::decibels;
 use adjsplat_tests::scenes::{options, phantom, red_to_blue};
 
@@ -131,7 +131,10 @@ fn a_perspective_with_several_levels_has_no_seam() {
     let frame = draw(&model, &camera, &settings);
     let db = decibels(&frame, &truth(&model, &camera, &settings), EMPTY);
     assert!(db > 40.0, "{db:.1} dB");
-    assert!(frame == draw(&model, &camera, &settings.clone().with_code(Code::Plain)), "the plain twin draws other bits");
+    assert!(
+        frame == draw(&model, &camera, &settings.clone().with_code(Code::Plain)),
+        "the plain twin draws other bits"
+    );
 }
 
 #[test]

@@ -37,9 +37,9 @@ pub(crate) const MOST_OFFSET: f64 = 0.375;
 /// What each 8-bit code stands for: looked up, as a walk asks for every voxel.
 static MASKS: [Coverage; 256] = {
     let mut masks = [Coverage { share: 0.0, offset: [0.0; 3] }; 256];
-    let mut mask = 1;
+    let mut mask = 1u32;
     while mask < 256 {
-        masks[mask] = Coverage::of_mask(mask as u32);
+        masks[mask as usize] = Coverage::of_mask(mask);
         mask += 1;
     }
     masks
