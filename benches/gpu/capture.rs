@@ -49,7 +49,7 @@ pub(crate) fn capture(gpu: &Gpu, subject: &BenchScene, camera: &Camera, settings
     let facts = subject.scene.facts;
     let view = View::new(camera, &facts.grid, settings.size, settings.kernel(), settings.near).expect("a view");
     let distance = |voxel: &VisitedVoxel| {
-        let at = [voxel.xy & 0xffff, voxel.xy >> 16, voxel.z];
+        let at = [voxel.xy & 0xffff, voxel.xy >> 16, voxel.z_coverage & 0xffff];
         let square = |a: usize| (view.eye_scaled[a] - f64::from(at[a]) * facts.grid.spacing[a]).powi(2);
         #[expect(clippy::cast_possible_truncation, reason = "keys are of single precision")]
         let distance = (0..3).map(square).sum::<f64>().sqrt() as f32;
