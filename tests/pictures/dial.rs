@@ -45,32 +45,19 @@ fn a_bound_is_kept_by_whole_pictures() {
 }
 
 #[test]
-fn a_bound_is_kept_by_levels_of_detail() {
+fn a_bound_is_kept_in_a_file_with_levels_of_detail() {
     let size = [40, 36];
-    for (name, fov) in [("shells", None), ("gyroid", Some(20.0))] {
-        let volume = phantom(name, [96; 3], SampleType::U8, [1.0; 3]);
-        let model = Build::new(red_to_blue(name, [0.5; 2])).with_levels(2).run(volume).unwrap();
-        let settings = Settings::every_pixel(size);
-        let orbit = Orbit { azimuth: 20.0, elevation: 30.0, fov, ..Orbit::default() };
-        let view = model.camera(&orbit, &settings).unwrap();
-        let exact = settings.clone().with_quality(Quality::Reference).with_level(0);
-        let right = model.render(&view, &exact).unwrap();
-        let mut levels = Vec::new();
-        for bound in [1.0, 0.4, 0.1, 0.01, 0.0] {
-            let Choice { settings, measured, .. } =
-                dial::choose(&model.scene(), &[view], &settings, bound, || true).unwrap();
-            let worst = apart(&right, &model.render(&view, &settings).unwrap());
-            println!("{name}: bound {bound}: level {:?}, measured {measured:.5}, picture {worst:.5}", settings.level);
-            assert!(worst <= bound, "{name}: {worst} with level {:?}, for a bound of {bound}", settings.level);
-            levels.push(settings.level.expect("the dial names the level"));
-        }
-        assert!(levels[0] > 0 && levels.is_sorted_by(|a, b| a >= b), "{name}: {levels:?}");
-        assert_eq!(levels[4], 0, "{name}: no error at all is the voxels alone");
-        // The caller may ask for the voxels; near by, levels are not tried.
-        let voxels = settings.clone().with_level(0);
-        assert_eq!(dial::choose(&model.scene(), &[view], &voxels, 1.0, || true).unwrap().settings.level, Some(0));
-        let near = settings.clone().with_size([400, 360]);
-        assert_eq!(dial::choose(&model.scene(), &[view], &near, 1.0, || true).unwrap().settings.level, Some(0));
+    let volume = phantom("shells", [96; 3], SampleType::U8, [1.0; 3]);
+    let model = Build::new(red_to_blue("shells", [0.5; 2])).with_levels(2).run(volume).unwrap();
+    let settings = Settings::every_pixel(size);
+    let view = model.camera(&Orbit { azimuth: 20.0, elevation: 30.0, ..Orbit::default() }, &settings).unwrap();
+    let exact = settings.clone().with_quality(Quality::Reference).with_level(0);
+    let right = model.render(&view, &exact).unwrap();
+    for bound in [1.0, 0.1, 0.01, 0.0] {
+        let chosen = dial::choose(&model.scene(), &[view], &settings, bound, || true).unwrap().settings;
+        assert_eq!(chosen.level, Some(0), "levels are not measured");
+        let worst = apart(&right, &model.render(&view, &chosen).unwrap());
+        assert!(worst <= bound, "{worst} for a bound of {bound}");
     }
 }
 
