@@ -66,11 +66,11 @@ fn levels_that_are_not_there_are_refused_with_those_that_are() {
     };
     refused("a.adj --level 3", &["--level", "is 3", "a.adj has levels 0 to 2"]);
     refused("plain.adj --level 1", &["--level", "is 1", "level 0 alone", "adj trim --levels"]);
-    refused("a.adj --level -1", &["--level"]);
+    refused("a.adj --level=-1", &["--level"]);
     refused("a.adj --level coarse", &["--level", "auto"]);
     refused("a.adj --level 1 --max-error 0.1", &["--level", "--max-error"]);
     refused("a.adj --level 1 --renderer reference", &["reference needs the volume"]);
-    folder.adj("split plain.adj -o b.adjs --bricks 2x1x1").done();
+    folder.adj("split plain.adj -o b.adjs --brick 48x96x96").done();
     refused("b.adjs --bricks --level 1", &["--level", "level 0 alone"]);
     refused("b.adjs --level 1", &["--level", "level 0 alone"]);
     folder.adj("render a.adj -o p.png --size 40x40 --level 0 --max-error 0.5").done();

@@ -40,18 +40,18 @@ pub(super) fn draw_frames(
         if progress.show("render", number as u64, arguments.view.frames.into()).is_break() {
             return Err(Error::Interrupted);
         }
+        let asked = settings.level;
         let (mut frame, stats) = loop {
             match renderer.render(camera, &settings) {
                 Err(Error::Limit { .. }) if arguments.fit && renderer.has_coarser(&settings) => {
-                    let level = settings.level.unwrap_or(0) + 1;
-                    print_note(&format!(
-                        "note: level {level} is tried, as the video memory is too small for a finer one"
-                    ));
-                    settings.level = Some(level);
+                    settings.level = Some(settings.level.unwrap_or(0) + 1);
                 }
                 drawn => break drawn?,
             }
         };
+        if let Some(level) = settings.level.filter(|_| settings.level != asked) {
+            print_note(&format!("note: level {level} is drawn, the finest that fits into the video memory"));
+        }
         if let Some(background) = background {
             frame.over(background);
         }
