@@ -305,7 +305,7 @@ impl RenderJob<'_> {
         if level > 0 && self.arguments.look.max_error.is_some() {
             return Err(Error::input(
                 "--level",
-                "is not for --max-error, which chooses the level; leave one of them out",
+                "is not for --max-error, which draws the voxels themselves; leave one of them out",
             ));
         }
         Ok(Some(level as usize))

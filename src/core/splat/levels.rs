@@ -6,7 +6,7 @@
 //! the slices stays exact.
 //!
 //! A level is drawn if the longest edge of its voxels is at most so many pixels as the quality allows
-//! (docs/studies/levels.md). All renderers and judges take the same choice from here.
+//! (docs/studies/levels.md), and if it has clearly fewer voxels than level 0. All renderers and judges take the same choice from here.
 
 use std::ops::Range;
 
@@ -26,6 +26,10 @@ const SIGMAS: [f32; 3] = [0.4, 0.27, 0.23];
 const SIGMA_0: f32 = 0.7;
 /// Largest radius of these kernels, in standard deviations. What lies beyond costs a quarter of the time.
 const CUT_OFF: f32 = 3.2;
+
+/// Largest number of voxels of a level, per voxel of level 0, that makes it worthwhile: those of levels lie beside the points of
+/// the grid, which takes about twice the time.
+const WORTHWHILE: f64 = 0.4;
 
 /// A part of the volume, and the level that it is drawn from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -135,6 +139,10 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
     // The distance from the eye, in mean voxels of level 0, from which on a level is drawn; 0 or infinity in parallel views.
     let distances: Vec<f64> = (0..=levels)
         .map(|level| {
+            let voxels = facts_of(scene, level).visible_voxels as f64;
+            if level > 0 && voxels > WORTHWHILE * scene.facts.visible_voxels as f64 {
+                return f64::INFINITY;
+            }
             let most = most_pixels(settings.quality, level);
             match &view.map {
                 PixelMap::Parallel { scale, .. } if edge(level) * scale <= most => 0.0,
