@@ -77,8 +77,8 @@ impl MemoryShares {
             }
         }
         let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
-        // A picture of coarser levels is put together from parts.
-        let parts = if drawn.iter().all(|(level, _)| *level == 0) { 0 } else { pixels * PIXEL };
+        // A picture of coarser levels is put together from parts, with four bytes a pixel for what those in front hide.
+        let parts = if drawn.iter().all(|(level, _)| *level == 0) { 0 } else { pixels * (PIXEL + 4) };
         let base = BASE.max(resident_bytes().unwrap_or(0) + GROWTH);
         let need = |threads: usize| {
             let settings = settings.clone().with_threads(threads);

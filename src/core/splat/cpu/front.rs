@@ -4,21 +4,25 @@
 //! than the transmittance at which rays end.
 
 use super::tile_buffer::{TILE, TileBuffer};
-use crate::splat::frame::Frame;
+use crate::error::Result;
+use crate::splat::frame::{Frame, zeroed};
 
 /// The pixels that parts in front left open.
 pub(super) struct Front {
     size: [usize; 2],
     /// For each pixel, with a row and a column of zeros before: how many pixels above and to the left are open.
-    open: Vec<u32>,
+    open: Box<[u32]>,
 }
 
 impl Front {
     /// `stop`: the transmittance below which a pixel is opaque.
-    pub(super) fn new(picture: &Frame, stop: f32) -> Front {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory): it takes 4 bytes a pixel.
+    pub(super) fn new(picture: &Frame, stop: f32) -> Result<Front> {
         let size = picture.size().map(|side| side as usize);
         let width = size[0] + 1;
-        let mut open = vec![0; width * (size[1] + 1)];
+        let mut open = zeroed::<u32>((width * (size[1] + 1)) as u64)?;
         for (y, row) in picture.pixels().chunks_exact(4 * size[0]).enumerate() {
             let mut of_row = 0;
             for (x, pixel) in row.chunks_exact(4).enumerate() {
@@ -26,7 +30,7 @@ impl Front {
                 open[(y + 1) * width + x + 1] = open[y * width + x + 1] + of_row;
             }
         }
-        Front { size, open }
+        Ok(Front { size, open })
     }
 
     /// Returns whether all pixels from column `left` to `right` and from row `top` to `bottom` are opaque, as far as they are

@@ -83,16 +83,20 @@ pub fn render_without(
     if omitted.is_some() || matches!(parts[..], [LevelPart { level: 0, crop }] if crop == settings.crop) {
         return draw_scene(scene, camera, settings, omitted, None, start);
     }
-    let (mut frame, mut stats) = (Frame::transparent(settings.size)?, Stats::default());
+    let (mut picture, mut stats) = (None::<Frame>, Stats::default());
     for part in parts {
         let level = part.scene(scene)?;
-        let front = (settings.sense == Sense::FrontToBack).then(|| Front::new(&frame, settings.termination()));
+        let in_front = picture.as_ref().filter(|_| settings.sense == Sense::FrontToBack);
+        let front = in_front.map(|picture| Front::new(picture, settings.termination())).transpose()?;
         let (behind, work) =
             draw_scene(&level.scene(), camera, &part.settings(settings), None, front.as_ref(), Instant::now())?;
-        frame.put_behind(&behind, settings.mode);
+        match &mut picture {
+            None => picture = Some(behind),
+            Some(picture) => picture.put_behind(&behind, settings.mode),
+        }
         stats.add(&work);
     }
-    Ok((frame, stats))
+    Ok((picture.map_or_else(|| Frame::transparent(settings.size), Ok)?, stats))
 }
 
 /// Draws the voxels of a scene, whatever their level. `front` tells what hides them.
