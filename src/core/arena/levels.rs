@@ -156,20 +156,29 @@ impl LevelLook {
     fn clear(&self, record: &Record, channels: Channels) -> u8 {
         let Some(clear) = self.clear.get(usize::from(record.value)) else { return u8::MAX };
         let hidden = u64::from(u8::MAX - clear);
-        let (weight, whole) = weight(record, channels);
-        u8::MAX - u8::try_from(hidden * weight / whole).unwrap_or(u8::MAX)
+        u8::MAX - u8::try_from(hidden * weight(record, channels) / whole(channels)).unwrap_or(u8::MAX)
     }
 }
 
-/// Returns how much of a voxel is visible, in units of which the second number makes a whole voxel.
+/// Returns how much of a voxel is visible, of [`whole`] for all of it.
 #[inline]
-fn weight(record: &Record, channels: Channels) -> (u64, u64) {
+fn weight(record: &Record, channels: Channels) -> u64 {
     let code = u64::from(record.coverage);
     // A damaged file may have coverages of nothing.
     match channels.coverage_bits {
-        0 => (1, 1),
-        8 => (code.count_ones().max(1).into(), 8),
-        _ => ((code & 0x7f).max(1).pow(2), u64::from(MOST_SHARE).pow(2)),
+        0 => 1,
+        8 => code.count_ones().max(1).into(),
+        _ => (code & 0x7f).max(1).pow(2),
+    }
+}
+
+/// Returns the [`weight`] of a voxel that is wholly visible.
+#[inline]
+fn whole(channels: Channels) -> u64 {
+    match channels.coverage_bits {
+        0 => 1,
+        8 => 8,
+        _ => u64::from(MOST_SHARE).pow(2),
     }
 }
 
@@ -356,7 +365,7 @@ impl Block {
     #[inline]
     fn add(&mut self, place: usize, record: &Record, channels: Channels, seen: u64) {
         let code = u64::from(record.coverage);
-        let (weight, _) = weight(record, channels);
+        let weight = weight(record, channels);
         let offsets = match channels.coverage_bits {
             0 => [0; 3],
             8 => [0xaau64, 0xcc, 0xf0].map(|end| 2 * (2 * i64::from((code & end).count_ones()) - weight.cast_signed())),
@@ -401,10 +410,9 @@ impl Block {
 
     /// Returns the word for the block's share and offsets.
     fn word(&self, channels: Channels) -> u16 {
-        let whole = if channels.coverage_bits == 8 { 8 } else { u64::from(MOST_SHARE).pow(2) };
-        let points = u64::from(self.factors.iter().product::<u32>());
+        let parts = u64::from(self.factors.iter().product::<u32>()) * whole(channels);
         // The largest code with `(2 code - 1)^2 <= 4 * 127^2 * share`: the root, rounded half up.
-        let root = (4 * u64::from(MOST_SHARE).pow(2) * self.weight / (points * whole)).isqrt().div_ceil(2);
+        let root = (4 * u64::from(MOST_SHARE).pow(2) * self.weight / parts).isqrt().div_ceil(2);
         let share = u16::try_from(root).unwrap_or(u16::MAX).clamp(1, MOST_SHARE.into());
         let weight = self.weight.cast_signed();
         let mut code = share;

@@ -24,11 +24,11 @@ use crate::volume::{Axis, Grid};
 /// of level 0 is [`SIGMA_0`]. Measured: docs/studies/levels.md.
 const SIGMAS: [f32; 3] = [0.4, 0.27, 0.23];
 const SIGMA_0: f32 = 0.7;
-/// Largest radius of these kernels, in standard deviations. What lies beyond costs a quarter of the time.
+/// Largest radius of these kernels, in standard deviations. A wider cut-off is slower, and was no nearer to the truth.
 const CUT_OFF: f32 = 3.2;
 
-/// Largest number of voxels of a level, per voxel of level 0, that makes it worthwhile: those of levels lie beside the points of
-/// the grid, which takes about twice the time.
+/// A level with more voxels than this, for each voxel of level 0, is not drawn: its voxels lie beside the points of the grid, and
+/// drawing one takes about twice as long as drawing one of level 0.
 const WORTHWHILE: f64 = 0.4;
 
 /// A part of the volume, and the level that it is drawn from.
