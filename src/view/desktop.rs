@@ -6,7 +6,6 @@ use std::time::Duration;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::gpu::adapter;
 
-use crate::app::Viewer;
 use crate::draw::Renderer;
 use crate::recent::RecentFiles;
 use crate::{Window, background};
@@ -29,10 +28,8 @@ pub fn run(files: Vec<PathBuf>) -> Result<()> {
     // the window, both take most of the time from input to picture.
     let mut options = eframe::NativeOptions { viewport, dithering: false, ..Default::default() };
     options.wgpu_options.surface = eframe::egui_wgpu::SurfaceConfig::LOW_LATENCY;
-    let create: eframe::AppCreator<'_> = Box::new(move |creation| {
-        let viewer = Viewer::new(&creation.egui_ctx, &files, RecentFiles::of_user(), renderer());
-        Ok(Box::new(Window(viewer)))
-    });
+    let create: eframe::AppCreator<'_> =
+        Box::new(move |creation| Ok(Box::new(Window::new(creation, &files, RecentFiles::of_user(), renderer()))));
     let shown = eframe::run_native("adjsplat", options, create);
     background::wait(MOST_WAIT);
     shown.map_err(|fault| Error::device(format!("cannot open a window: {fault}; draw pictures with adj render")))

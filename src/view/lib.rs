@@ -35,14 +35,29 @@ pub mod theme;
 #[cfg(not(target_arch = "wasm32"))]
 pub use desktop::run;
 
+use std::path::PathBuf;
+
 use app::Viewer;
+use draw::{Renderer, install};
+use recent::RecentFiles;
 
 struct Window(Viewer);
+
+impl Window {
+    fn new(creation: &eframe::CreationContext, files: &[PathBuf], recent: RecentFiles, renderer: Renderer) -> Window {
+        install(creation.wgpu_render_state.as_ref().expect("wgpu paints the window"));
+        Window(Viewer::new(&creation.egui_ctx, files, recent, renderer))
+    }
+}
 
 impl eframe::App for Window {
     fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
         self.0.show(ui);
         #[cfg(target_arch = "wasm32")]
         page::publish(&self.0);
+    }
+
+    fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {
+        visuals.window_fill.to_normalized_gamma_f32()
     }
 }

@@ -34,11 +34,11 @@ pub async fn start(canvas: HtmlCanvasElement) -> std::result::Result<(), JsValue
     std::panic::set_hook(Box::new(|panic| stopped(&panic.to_string())));
     let (file, wish) = asked();
     let create: eframe::AppCreator<'static> = Box::new(move |creation| {
-        let mut viewer = Viewer::new(&creation.egui_ctx, &[], RecentFiles::default(), Renderer::Device);
+        let mut window = Window::new(creation, &[], RecentFiles::default(), Renderer::Device);
         if let Some(address) = file {
-            viewer.open_as(&creation.egui_ctx, Place::Address(address), wish);
+            window.0.open_as(&creation.egui_ctx, Place::Address(address), wish);
         }
-        Ok(Box::new(Window(viewer)))
+        Ok(Box::new(window))
     });
     let options = WebOptions { dithering: false, ..WebOptions::default() };
     WebRunner::new().start(canvas, options, create).await

@@ -44,8 +44,7 @@ pub fn background(is_dark: bool) -> [u8; 3] {
 
 fn dark() -> Visuals {
     let mut visuals = Visuals::dark();
-    visuals.panel_fill = Color32::from_rgb(30, 33, 39);
-    visuals.window_fill = visuals.panel_fill;
+    visuals.window_fill = Color32::from_rgb(30, 33, 39);
     visuals.extreme_bg_color = Color32::from_rgb(18, 20, 24);
     visuals.override_text_color = Some(Color32::from_rgb(222, 226, 232));
     visuals.selection.bg_fill = Color32::from_rgb(38, 92, 138);
@@ -55,8 +54,7 @@ fn dark() -> Visuals {
 
 fn light() -> Visuals {
     let mut visuals = Visuals::light();
-    visuals.panel_fill = Color32::from_rgb(244, 245, 247);
-    visuals.window_fill = visuals.panel_fill;
+    visuals.window_fill = Color32::from_rgb(244, 245, 247);
     visuals.extreme_bg_color = Color32::WHITE;
     visuals.override_text_color = Some(Color32::from_rgb(34, 38, 44));
     visuals.warn_fg_color = Color32::from_rgb(168, 84, 0);
@@ -66,6 +64,9 @@ fn light() -> Visuals {
 }
 
 fn rounded(mut visuals: Visuals) -> Visuals {
+    // The window is cleared with `window_fill`: where the processor paints it, filling panels once more takes longer than all
+    // their text.
+    visuals.panel_fill = Color32::TRANSPARENT;
     let widgets = &mut visuals.widgets;
     for widget in [&mut widgets.noninteractive, &mut widgets.inactive, &mut widgets.hovered, &mut widgets.active] {
         widget.corner_radius = CornerRadius::same(4);

@@ -6,10 +6,12 @@ use adjsplat::classify::{Colour, Label, UnlistedLabels};
 use adjsplat::{Build, TransferFunction};
 use adjsplat_tests::files::skipped;
 use adjsplat_view::app::Viewer;
-use adjsplat_view::draw::Renderer;
+use adjsplat_view::draw::{Renderer, install};
 use adjsplat_view::recent::RecentFiles;
+use eframe::egui_wgpu::RendererOptions;
 use egui::Theme;
 use egui_kittest::SnapshotOptions;
+use egui_kittest::wgpu::{WgpuTestRenderer, create_render_state, default_wgpu_setup};
 
 use super::{Driven, ball, builder, wait};
 
@@ -22,11 +24,20 @@ fn compare(name: &str, theme: Theme, transfer: TransferFunction) {
     let file = folder.path().join("ball.adj");
     Build::new(transfer).write(&ball(), &file).unwrap();
     let show = move |ui: &mut egui::Ui, viewer: &mut Option<Viewer>| {
+        // A window is cleared with this colour.
+        ui.ctx().layer_painter(egui::LayerId::background()).rect_filled(
+            egui::Rect::EVERYTHING,
+            0.0,
+            ui.visuals().window_fill,
+        );
         let files = [file.clone()];
         let new = || Viewer::new(ui.ctx(), &files, RecentFiles::default(), Renderer::Processor);
         viewer.get_or_insert_with(new).show(ui);
     };
-    let mut driven: Driven = builder().with_theme(theme).wgpu().build_ui_state(show, None);
+    let window = create_render_state(default_wgpu_setup(), RendererOptions::PREDICTABLE);
+    install(&window);
+    let renderer = WgpuTestRenderer::from_render_state(window);
+    let mut driven: Driven = builder().with_theme(theme).renderer(renderer).build_ui_state(show, None);
     wait(&mut driven, "opening", |viewer| viewer.documents().len() == 1);
     wait(&mut driven, "drawing", |viewer| viewer.documents()[0].painter.is_finished());
     driven.step();

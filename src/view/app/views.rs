@@ -1,8 +1,9 @@
 //! The views of the documents, and what lies over their pictures.
 
-use egui::{Color32, Image, Rect, Sense, Ui, pos2};
+use egui::{Color32, Rect, Sense, Ui, pos2};
 
 use super::Viewer;
+use crate::draw::shape;
 use crate::navigate::navigate;
 use crate::overlay::{self, Projector};
 
@@ -80,8 +81,8 @@ impl Viewer {
             if let Err(fault) = canvas.begin(&model, &document.look, size) {
                 document.note = Some(fault.to_string());
             }
-        } else if let Some(texture) = document.painter.paint(&model, version, &document.look, size, time) {
-            Image::new(texture).paint_at(ui, rect);
+        } else if let Some(image) = document.painter.paint(&model, version, &document.look, size, time) {
+            painter.add(shape(rect, image));
         } else {
             wait("Drawing the first picture …");
         }

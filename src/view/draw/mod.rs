@@ -1,12 +1,13 @@
 //! Drawing in the background: the interface never waits for a picture.
 //!
-//! In: a model, a look and the size of the view, every frame of the interface. Out: a texture with the best picture so far.
+//! In: a model, a look and the size of the view, every frame of the interface. Out: the best picture so far.
 //! When the look changes, it is drawn in `draft`, with fewer pixels if that takes long. When it rests, it is drawn in
 //! `standard`, then in `high`. Requests go to workers; the processor has one for drafts and one for finer pictures, a
 //! graphics device one for both.
 
 mod device;
 mod draft_size;
+mod texture;
 mod worker;
 
 use std::sync::Arc;
@@ -16,12 +17,14 @@ use adjsplat::Model;
 use adjsplat::classify::Colour;
 use adjsplat::error::Result;
 use adjsplat::splat::{Frame, Quality, Settings};
-use egui::{ColorImage, Context, TextureHandle, TextureOptions};
+use egui::{ColorImage, Context};
 
 use crate::look::Look;
 pub use device::Canvas;
 pub(crate) use device::OnDevice;
 use draft_size::DraftSize;
+pub use texture::install;
+pub(crate) use texture::shape;
 use worker::{Drawn, Request, Worker};
 pub use worker::{Renderer, Work};
 
@@ -57,7 +60,6 @@ pub struct Painter {
     /// The best quality that was asked for since the look changed.
     asked_quality: Quality,
     draft_size: DraftSize,
-    texture: Option<TextureHandle>,
     image: Option<Arc<ColorImage>>,
     shown: Option<Shown>,
     fault: Option<String>,
@@ -80,7 +82,6 @@ impl Painter {
             changed_at: 0.0,
             asked_quality: Quality::Draft,
             draft_size: DraftSize::default(),
-            texture: None,
             image: None,
             shown: None,
             fault: None,
@@ -100,7 +101,7 @@ impl Painter {
         look: &Look,
         size: [u32; 2],
         time: f64,
-    ) -> Option<&TextureHandle> {
+    ) -> Option<Arc<ColorImage>> {
         self.receive();
         let wanted = (look.clone(), version, size);
         if self.asked.as_ref() != Some(&wanted) {
@@ -113,7 +114,7 @@ impl Painter {
         }
         // What arrives will be drawn anew.
         if self.canvas.remote().is_some_and(|remote| remote.fetching().is_some()) {
-            return self.texture.as_ref();
+            return self.image();
         }
         // A draft of this look first, or there is nothing to see meanwhile.
         let has_draft =
@@ -121,7 +122,7 @@ impl Painter {
         let (next, rest) = match self.asked_quality {
             Quality::Draft => (Quality::Standard, RESTS[0]),
             Quality::Standard => (Quality::High, RESTS[1]),
-            _ => return self.texture.as_ref(),
+            _ => return self.image(),
         };
         let rested = time - self.changed_at;
         if rested < rest {
@@ -130,7 +131,7 @@ impl Painter {
             self.asked_quality = next;
             self.finer.as_ref().unwrap_or(&self.draft).ask(self.request(model, look, size, next));
         }
-        self.texture.as_ref()
+        self.image()
     }
 
     /// Returns numbers of the picture that is shown.
@@ -176,14 +177,7 @@ impl Painter {
                 Ok((image, work)) => {
                     self.fault = None;
                     self.shown = Some(Shown { quality, size: image.size, milliseconds, work, look_index });
-                    let image = Arc::new(image);
-                    self.image = Some(image.clone());
-                    match &mut self.texture {
-                        Some(texture) => texture.set(image, TextureOptions::LINEAR),
-                        None => {
-                            self.texture = Some(self.context.load_texture("view", image, TextureOptions::LINEAR));
-                        }
-                    }
+                    self.image = Some(Arc::new(image));
                 }
                 Err(fault) => self.fault = Some(fault.to_string()),
             }
