@@ -205,7 +205,7 @@ impl Collection {
             self.0.join(&path, memory, threads, &mut watch)?;
             adjsplat::Model::open(&path)
         });
-        raised.or(joined).map(Model)
+        raised.or(joined).map(Model::of)
     }
 
     /// Returns the camera of each orbit (azimuth, elevation), as JSON: all look at one point and have one scale.
