@@ -58,6 +58,12 @@ impl Plan {
         self.0.to_json()
     }
 
+    /// Number of coarser levels of detail that bricks hold.
+    #[getter]
+    fn level_count(&self) -> usize {
+        self.0.level_count()
+    }
+
     /// Number of bricks in each partition.
     #[getter]
     fn counts(&self) -> PyResult<Vec<usize>> {
@@ -162,6 +168,12 @@ impl Collection {
     #[getter]
     fn count(&self) -> u64 {
         self.0.manifest().visible_voxels
+    }
+
+    /// Number of coarser levels of detail that bricks hold.
+    #[getter]
+    fn level_count(&self) -> usize {
+        self.0.levels().len()
     }
 
     /// The bricks, partition after partition.

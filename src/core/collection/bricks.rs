@@ -28,7 +28,7 @@ pub struct Collection {
     preview: Option<Result<AdjFile>>,
     faults: Vec<Error>,
     /// The facts of the levels of the whole, level 1 first.
-    pub(super) levels: Vec<Facts>,
+    levels: Vec<Facts>,
 }
 
 /// A brick of an open collection.
@@ -150,6 +150,11 @@ impl Collection {
     /// Returns the grid of the whole.
     pub fn grid(&self) -> &Grid {
         &self.manifest.grid
+    }
+
+    /// Returns the contents of the headers of the whole's coarser levels of detail, which bricks hold parts of; level 1 first.
+    pub fn levels(&self) -> &[Facts] {
+        &self.levels
     }
 
     /// Returns what is wrong with bricks, an error for each that names its file: missing, damaged, of another build.

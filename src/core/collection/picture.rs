@@ -83,11 +83,11 @@ impl Collection {
     /// Returns the level of detail that all bricks are drawn from; `None` if each is drawn from the levels that suit its distance
     /// from the eye, as in perspective.
     fn level(&self, transfer: &TransferFunction, camera: &Camera, settings: &Settings) -> Result<Option<usize>> {
-        let whole = WholeLevels(&self.levels);
+        let whole = WholeLevels(self.levels());
         let scene = Scene { facts: &self.manifest().facts(), lanes: &whole, transfer };
         if let Some(level) = settings.level {
-            if level > self.levels.len() {
-                let why = format!("is {level}, but the collection has levels 0 to {}", self.levels.len());
+            if level > self.levels().len() {
+                let why = format!("is {level}, but the collection has levels 0 to {}", self.levels().len());
                 return Err(Error::input("level", why));
             }
             return Ok(Some(level));
