@@ -71,7 +71,7 @@ class Collection:
 
     @property
     def level_count(self) -> int:
-        """Number of coarser levels of detail in every brick: 0 if there are none. `render` draws those that suit the picture."""
+        """Number of coarser levels of detail in every brick; `render` draws those that suit the picture."""
         return self._native.level_count
 
     @property
@@ -87,8 +87,9 @@ class Collection:
 
     @property
     def preview(self) -> Model | None:
-        """The whole with fewer grid points, as a model that fits any machine: one of the levels of detail, if bricks have some;
-        else every n-th point along each axis.
+        """The whole with fewer grid points, as a model that fits any machine.
+
+        It is one of the levels of detail, if bricks have some; else it has every n-th point along each axis.
 
         None if there is none: the collection is small, or the preview's file cannot be used (`faults` says so).
         """
@@ -220,9 +221,9 @@ def split(
     `slab` is the number of slices of a brick along z; or `brick` its number of points (z, y, x), 0 where an axis is not
     cut. With `partition="xyz"` every voxel is stored three times, in slabs across z, y and x, and pictures brick by brick
     are exact from every side. The collection's preview has every `preview`-th point along each axis; 1: it has none. By
-    default it has at most 16 million voxels, and none if the whole has no more. Bricks keep the levels of detail whose blocks
-    no border divides: with borders at multiples of 8 points, three or more. If that is all, `Collection.join` makes the same
-    file of it again, byte for byte.
+    default it has at most 16 million voxels, and none if the whole has no more. Bricks keep the levels of detail whose
+    blocks no border divides: with borders at multiples of 8 points, three or more. If these are all that the file has,
+    `Collection.join` makes the same file of it again, byte for byte.
 
     >>> adj.split(f, "cubes.adjs", brick=(32, 32, 32)).count == f.count
     True

@@ -193,7 +193,10 @@ def _parser() -> argparse.ArgumentParser:
         "--preview", type=int, metavar="N", help="points along an axis that a voxel of the preview stands for"
     )
     building.add_argument(
-        "--levels", type=_levels, metavar="N|auto", help="coarser levels of detail in each brick, for pictures from afar"
+        "--levels",
+        type=_levels,
+        metavar="N|auto",
+        help="coarser levels of detail in each brick, for pictures from afar",
     )
     building.add_argument("--lanes", default="xyz", choices=["x", "xy", "xyz"])
     drawing = commands.add_parser("render", help="draw a picture of a collection")
@@ -209,7 +212,9 @@ def _parser() -> argparse.ArgumentParser:
     ):
         drawing.add_argument(f"--{name}", type=float, default=default)
     drawing.add_argument("--camera", metavar="JSON", help="the whole view, as adj render takes it")
-    drawing.add_argument("--level", type=int, metavar="N", help="the level of detail to draw; 0 for the voxels themselves")
+    drawing.add_argument(
+        "--level", type=int, metavar="N", help="the level of detail to draw; 0 for the voxels themselves"
+    )
     drawing.add_argument("--quality", default="standard")
     drawing.add_argument("--mode", default="composite")
     drawing.add_argument("--background", metavar="COLOUR")

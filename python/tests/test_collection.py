@@ -201,7 +201,7 @@ def test_bricks_with_levels_have_those_of_one_build(tmp_path):
 
 
 def test_a_plan_says_how_many_levels_its_bricks_hold():
-    array = np.full((96, 8, 8), 100, np.uint8)
+    array = np.full((160, 8, 8), 100, np.uint8)
     plan = adj.BrickPlan(array, visible=(60, None), slab=4, levels="auto")
     assert plan.level_count == 2 and adj.BrickPlan.from_json(plan.to_json()).level_count == 2
     assert adj.BrickPlan(array, visible=(60, None), slab=5, levels="auto").level_count == 0
