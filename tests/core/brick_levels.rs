@@ -107,9 +107,9 @@ fn body(folder: &Path) -> (Model, Collection) {
     let edge = 48u32;
     let at = |index: u32| [index % edge, index / edge % edge, index / (edge * edge)].map(|c| f64::from(c) - 23.5);
     let value = |[x, y, z]: [f64; 3]| {
-        if x * x + 1.4 * y * y + z * z < 440.0 { 120 + (x as i32).unsigned_abs() as u8 } else { 0 }
+        if x * x + 1.4 * y * y + z * z < 440.0 { 120.0 + x.abs() } else { 0.0 }
     };
-    let volume = Volume::new([edge.into(); 3], (0..edge.pow(3)).map(|index| value(at(index))).collect::<Vec<u8>>());
+    let volume = Volume::new([edge.into(); 3], (0..edge.pow(3)).map(|index| value(at(index))).collect::<Vec<f64>>());
     let volume = volume.unwrap();
     let options = BuildOptions::new(TransferFunction::range(60.0, f64::INFINITY).unwrap()).with_levels(2);
     let model = Build::new(options.clone()).run(&volume).unwrap();

@@ -159,7 +159,7 @@ pub(super) fn given_levels_in_files(
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<Vec<AdjFile>> {
-    given(levels, output, observer, &mut |rows, facts, observer| in_file(folder, rows, facts, output, observer))
+    given(levels, output, observer, |rows, facts, observer| in_file(folder, rows, facts, output, observer))
 }
 
 /// Returns the bytes of levels that are there already, from level 1 on.
@@ -168,7 +168,7 @@ pub(super) fn given_levels_in_memory(
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<Vec<Vec<u8>>> {
-    given(levels, output, observer, &mut |rows, facts, observer| {
+    given(levels, output, observer, |rows, facts, observer| {
         in_memory(rows, facts, output.lane_count, output.threads, observer)
     })
 }
@@ -178,7 +178,7 @@ fn given<M>(
     levels: &[Box<dyn Rows + '_>],
     output: &RowsOutput,
     observer: &mut dyn Observer,
-    write: &mut dyn FnMut(&dyn Rows, &Facts, &mut dyn Observer) -> Result<M>,
+    mut write: impl FnMut(&dyn Rows, &Facts, &mut dyn Observer) -> Result<M>,
 ) -> Result<Vec<M>> {
     let mut facts = output.facts.clone();
     let mut written = Vec::new();
