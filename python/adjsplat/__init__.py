@@ -15,6 +15,7 @@ from .collection import BrickPlan, Collection, composite, split
 from .edit import Edit
 from .export import ExportReport, ExportWarning
 from .lanes import Lane
+from .level import Level
 from .model import Model, open
 from .pictures import Metrics, compare, save
 from .render import Renderer, devices, render
@@ -32,6 +33,7 @@ __all__ = [
     "ExportWarning",
     "FormatError",
     "Lane",
+    "Level",
     "Metrics",
     "Model",
     "Renderer",

@@ -70,6 +70,11 @@ class Collection:
         return self._native.count
 
     @property
+    def level_count(self) -> int:
+        """Number of coarser levels of detail in every brick; `render` draws those that suit the picture."""
+        return self._native.level_count
+
+    @property
     def bricks(self) -> list[Brick]:
         """The bricks, partition after partition, each by ascending z, then y, then x."""
         turned = lambda numbers: (numbers[2], numbers[1], numbers[0])
@@ -82,7 +87,9 @@ class Collection:
 
     @property
     def preview(self) -> Model | None:
-        """The whole with every n-th grid point along each axis, as a model that fits any machine.
+        """The whole with fewer grid points, as a model that fits any machine.
+
+        It is one of the levels of detail, if bricks have some; else it has every n-th point along each axis.
 
         None if there is none: the collection is small, or the preview's file cannot be used (`faults` says so).
         """
@@ -214,8 +221,9 @@ def split(
     `slab` is the number of slices of a brick along z; or `brick` its number of points (z, y, x), 0 where an axis is not
     cut. With `partition="xyz"` every voxel is stored three times, in slabs across z, y and x, and pictures brick by brick
     are exact from every side. The collection's preview has every `preview`-th point along each axis; 1: it has none. By
-    default it has at most 16 million voxels, and none if the whole has no more. `Collection.join` makes the same file of it
-    again, byte for byte.
+    default it has at most 16 million voxels, and none if the whole has no more. Bricks keep the levels of detail whose
+    blocks no border divides: with borders at multiples of 8 points, three or more. If these are all that the file has,
+    `Collection.join` makes the same file of it again, byte for byte.
 
     >>> adj.split(f, "cubes.adjs", brick=(32, 32, 32)).count == f.count
     True
@@ -252,6 +260,9 @@ def brick_sizes(slab: int | None, brick: Sequence[int] | None, partition: str) -
 class BrickPlan:
     """The plan of a collection that is built brick by brick, anywhere; every step is a function of its arguments alone.
 
+    `levels` is the number of coarser levels of detail in each brick, or "auto": as many as are of use and no brick's border
+    divides, which needs borders at multiples of 2, 4, 8 ... points. `level_count` tells how many these are.
+
     The plan knows the shape and type of the array, or of a volume in files (`VolumeFile`). It is scanned until all is known
     that codes depend on, then bricks are built, in any order, by any process. A step that failed is simply done again.
 
@@ -285,12 +296,13 @@ class BrickPlan:
         lanes: str = "xyz",
         value_bits: int | None = None,
         normal_bits: int | None = None,
+        levels: int | str | None = None,
     ):
         chosen = chosen_transfer(visible, transfer, labels)
         if chosen is None or chosen == "file":
             raise ValueError("say what is visible: visible=(low, high), transfer= or labels= (but not of the file)")
         place = Place(spacing, origin, direction, frame, unit)
-        packing = Packing(lanes, value_bits, normal_bits, None, None)
+        packing = Packing(lanes, value_bits, normal_bits, None, None, levels)
         self._native = _native.Plan(
             _source(array, place), chosen, packing, brick_sizes(slab, brick, partition), preview_step(preview)
         )
@@ -317,6 +329,11 @@ class BrickPlan:
     def count(self) -> int:
         """Number of bricks to build, in all partitions."""
         return sum(self._native.counts)
+
+    @property
+    def level_count(self) -> int:
+        """Number of coarser levels of detail that each brick will hold."""
+        return self._native.level_count
 
     @property
     def scans(self) -> int:

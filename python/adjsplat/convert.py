@@ -9,18 +9,18 @@ import numpy as np
 from ._optional import needed
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .voxels import Voxels
 
 #: From R, A, S to L, P, S and back: x and y of the world change their signs.
 TURNED = np.array([-1.0, -1.0, 1.0])
 
 
-def to_dask(model: Model, chunks: Any) -> Any:
+def to_dask(model: Voxels, chunks: Any) -> Any:
     array = needed("dask.array", "to_dask")
     return array.from_array(model, chunks=chunks, lock=False, asarray=False)
 
 
-def to_xarray(model: Model, chunks: Any) -> Any:
+def to_xarray(model: Voxels, chunks: Any) -> Any:
     xarray = needed("xarray", "to_xarray")
     data = model.to_numpy() if chunks is None else to_dask(model, chunks)
     direction = np.reshape(model.direction, (3, 3))
@@ -34,7 +34,7 @@ def to_xarray(model: Model, chunks: Any) -> Any:
     return xarray.DataArray(data, dims=("z", "y", "x"), coords=coordinates, attrs=attrs, name="values")
 
 
-def to_sitk(model: Model) -> Any:
+def to_sitk(model: Voxels) -> Any:
     sitk = needed("SimpleITK", "to_sitk")
     image = sitk.GetImageFromArray(model.to_numpy())
     image.SetSpacing(model.spacing)
@@ -43,7 +43,7 @@ def to_sitk(model: Model) -> Any:
     return image
 
 
-def to_pyvista(model: Model) -> Any:
+def to_pyvista(model: Voxels) -> Any:
     pyvista = needed("pyvista", "to_pyvista")
     z, y, x = model.shape
     image = pyvista.ImageData(dimensions=(x, y, z), spacing=model.spacing, origin=model.origin)

@@ -31,7 +31,7 @@ class Lane:
     def __init__(self, model: _native.Model, axis: str):
         #: The axis along which the lines run: "x", "y" or "z".
         self.axis = axis
-        #: Bits of a value, of each component of a normal, and of a magnitude; 0 for what is not stored.
+        #: Bits of a value, of each component of a normal, of a magnitude, and of a coverage; 0 for what is not stored.
         self.bits = tuple(model.bits)
         self._model = model
         self._wide_lines = model.dims["xyz".index(axis)] > 1023
@@ -68,6 +68,11 @@ class Lane:
     def magnitudes(self) -> np.ndarray:
         """For each record the code of its gradient's magnitude, uint8; empty if there are none."""
         return self._section("magnitudes")
+
+    @property
+    def coverages(self) -> np.ndarray:
+        """For each record of a level the code of what its block shows: uint8 masks or uint16; empty for level 0."""
+        return self._section("coverages").view("<u2" if self.bits[3] == 16 else "u1")
 
     def __repr__(self) -> str:
         return f"<adjsplat.Lane along {self.axis}, {self.steps.size} records>"

@@ -165,6 +165,10 @@ def _range(text: str) -> tuple[float | None, float | None]:
     return (float(low) if low else None, float(high) if high else None)
 
 
+def _levels(text: str) -> int | str:
+    return text if text == "auto" else int(text)
+
+
 def _size(text: str) -> tuple[int, int]:
     columns, rows = text.split("x")
     return int(columns), int(rows)
@@ -188,6 +192,12 @@ def _parser() -> argparse.ArgumentParser:
     building.add_argument(
         "--preview", type=int, metavar="N", help="points along an axis that a voxel of the preview stands for"
     )
+    building.add_argument(
+        "--levels",
+        type=_levels,
+        metavar="N|auto",
+        help="coarser levels of detail in each brick, for pictures from afar",
+    )
     building.add_argument("--lanes", default="xyz", choices=["x", "xy", "xyz"])
     drawing = commands.add_parser("render", help="draw a picture of a collection")
     drawing.add_argument("input", metavar="IN.adjs")
@@ -202,6 +212,9 @@ def _parser() -> argparse.ArgumentParser:
     ):
         drawing.add_argument(f"--{name}", type=float, default=default)
     drawing.add_argument("--camera", metavar="JSON", help="the whole view, as adj render takes it")
+    drawing.add_argument(
+        "--level", type=int, metavar="N", help="the level of detail to draw; 0 for the voxels themselves"
+    )
     drawing.add_argument("--quality", default="standard")
     drawing.add_argument("--mode", default="composite")
     drawing.add_argument("--background", metavar="COLOUR")
@@ -217,14 +230,14 @@ def _run(arguments: argparse.Namespace, comm: Any) -> str:
     if arguments.command == "build":
         volume = _together(comm, lambda: _opened(arguments.input))
         chosen = {"visible": arguments.visible} if arguments.visible else {"transfer": arguments.transfer}
-        chosen |= {name: getattr(arguments, name) for name in ("slab", "partition", "preview", "lanes")}
+        chosen |= {name: getattr(arguments, name) for name in ("slab", "partition", "preview", "lanes", "levels")}
         bricks = build(volume, arguments.output, comm=comm, **chosen)
         return f"{arguments.output}: {len(bricks.bricks)} bricks, {bricks.count} visible voxels"
     bricks = _together(comm, lambda: Collection(arguments.input, partial=arguments.partial))
     if comm.rank == 0:
         for fault in bricks.faults:
             print(f"adjsplat.mpi: {fault}; it is left out", file=sys.stderr)
-    names = ("size", "quality", "mode", "exposure", "background", "threads")
+    names = ("size", "quality", "mode", "exposure", "level", "background", "threads")
     look = {name: getattr(arguments, name) for name in names}
     if arguments.camera is None:
         look |= {name: getattr(arguments, name) for name in ("azimuth", "elevation", "zoom", "perspective")}

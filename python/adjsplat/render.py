@@ -33,6 +33,7 @@ class Look:
         sharpness: float | None,
         crop: Any,
         clip: Any,
+        level: int | None,
         threads: int | None,
     ):
         columns, rows = (whole("columns and rows", side) for side in size)
@@ -47,6 +48,9 @@ class Look:
         self.threads = thread_count(threads)
         self.crop = None if crop is None else _crop(model, crop)
         self.clip = None if clip is None else _clip(clip)
+        self.level = None if level is None else whole("level", level)
+        if self.level is not None and self.level < 0:
+            raise ValueError(f"level is {level}, but must be 0 for the voxels themselves, or above")
 
 
 def _crop(model: Any, crop: Any) -> list[list[int]]:
@@ -123,7 +127,7 @@ class Renderer:
         crop: Any = None,
     ) -> list[dict[str, Any]]:
         """Returns the cameras of several orbits (azimuth, elevation), which look at one point and have one scale."""
-        look = Look(self.model, size, "standard", "composite", None, True, None, None, crop, None, None)
+        look = Look(self.model, size, "standard", "composite", None, True, None, None, crop, None, None, None)
         return [json.loads(camera) for camera in self._views(look, orbits, zoom, perspective, up)]
 
     def _views(
@@ -168,6 +172,7 @@ class Renderer:
         sharpness: float | None = None,
         crop: Any = None,
         clip: Any = None,
+        level: int | None = None,
         background: Any = None,
         dtype: Any = np.float32,
         threads: int | None = None,
@@ -176,12 +181,16 @@ class Renderer:
         _ = self.model._open
         if max_error is not None and (quality, sampling) != ("standard", None):
             raise ValueError("max_error chooses quality and sampling; leave these out")
+        if max_error is not None and level:
+            raise ValueError("max_error draws the voxels themselves, level 0; leave level out")
         max_error = optional_number("max_error", max_error)
         dtype = np.dtype(dtype)
         if dtype not in (np.dtype(np.float32), np.dtype(np.uint8)):
             raise ValueError(f"dtype is {dtype}, but a picture is float32 (linear) or uint8 (sRGB)")
         behind = None if background is None else linear_colour(background)
-        look = Look(self.model, size, quality, mode, sampling, lighting, exposure, sharpness, crop, clip, threads)
+        look = Look(
+            self.model, size, quality, mode, sampling, lighting, exposure, sharpness, crop, clip, level, threads
+        )
         if camera is None:
             view = self._views(look, [(azimuth, elevation)], zoom, perspective, up)[0]
         elif (azimuth, elevation, zoom, perspective, up) != (0.0, 0.0, 1.0, None, "z"):
@@ -267,6 +276,7 @@ def render(
     sharpness: float | None = None,
     crop: Any = None,
     clip: Any = None,
+    level: int | None = None,
     background: Any = None,
     dtype: Any = np.float32,
     threads: int | None = None,
@@ -287,7 +297,9 @@ def render(
     chooses both: the first of nine settings, from fast to slow, whose measured error (of a linear sample from 0 to 1) is
     within it. `lighting=False` leaves out the light; `exposure` is the brightness of "xray"; `sharpness` is from 0 to 1.
     `crop` is an index such as `np.s_[10:50]`; `clip` a point and a normal in the world, ((x, y, z), (x, y, z)), of the plane
-    in front of which voxels are drawn. `background` is a colour; without one the picture is transparent.
+    in front of which voxels are drawn. `level` is the level of detail to draw, 0 for the voxels themselves; without, "draft"
+    and "standard" draw the coarsest levels of the file that suit the picture. `background` is a colour; without one the
+    picture is transparent.
 
     `device` is as for `Renderer`, which saves time for many pictures on a graphics device. Other threads of Python run
     meanwhile. The processor gives the same bits for any number of `threads`.

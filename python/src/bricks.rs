@@ -58,6 +58,12 @@ impl Plan {
         self.0.to_json()
     }
 
+    /// Number of coarser levels of detail that bricks hold.
+    #[getter]
+    fn level_count(&self) -> usize {
+        self.0.level_count()
+    }
+
     /// Number of bricks in each partition.
     #[getter]
     fn counts(&self) -> PyResult<Vec<usize>> {
@@ -164,6 +170,12 @@ impl Collection {
         self.0.manifest().visible_voxels
     }
 
+    /// Number of coarser levels of detail that bricks hold.
+    #[getter]
+    fn level_count(&self) -> usize {
+        self.0.levels().len()
+    }
+
     /// The bricks, partition after partition.
     #[getter]
     fn bricks(&self) -> Vec<Listed> {
@@ -205,7 +217,7 @@ impl Collection {
             self.0.join(&path, memory, threads, &mut watch)?;
             adjsplat::Model::open(&path)
         });
-        raised.or(joined).map(Model)
+        raised.or(joined).map(Model::of)
     }
 
     /// Returns the camera of each orbit (azimuth, elevation), as JSON: all look at one point and have one scale.

@@ -101,7 +101,7 @@ pub(crate) fn build(
         }
     });
     let model = raised.or(built)?;
-    Ok((Model(model), watch.samples.map(|samples| warnings(&samples)).unwrap_or_default()))
+    Ok((Model::of(model), watch.samples.map(|samples| warnings(&samples)).unwrap_or_default()))
 }
 
 /// What a build is asked to show.

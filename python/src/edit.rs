@@ -106,7 +106,7 @@ pub(crate) fn save_edited(
         write_rows(&out, &overlay.rows()?, &output, &mut watch)?;
         adjsplat::Model::open(&out)
     });
-    raised.or(saved).map(|saved| (Model(saved), left_out))
+    raised.or(saved).map(|saved| (Model::of(saved), left_out))
 }
 
 fn apply(overlay: &mut Overlay<'_>, facts: &Facts, change: Change, counts: &mut Counts) -> Result<()> {

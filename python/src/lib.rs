@@ -48,6 +48,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(voxels::read_positions, module)?)?;
     module.add_function(wrap_pyfunction!(voxels::read_normals, module)?)?;
     module.add_function(wrap_pyfunction!(voxels::read_magnitudes, module)?)?;
+    module.add_function(wrap_pyfunction!(voxels::read_coverages, module)?)?;
     module.add_function(wrap_pyfunction!(render::cameras, module)?)?;
     module.add_function(wrap_pyfunction!(render::render, module)?)?;
     module.add_function(wrap_pyfunction!(edit::save_edited, module)?)?;

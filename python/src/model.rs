@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use adjsplat::arena::Arena;
-use adjsplat::volume::Axis;
+use adjsplat::error::Error;
+use adjsplat::volume::{Axis, Grid};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -11,13 +12,31 @@ use pyo3::types::PyBytes;
 use crate::errors::exception;
 use crate::transfer::parsed;
 
-/// A model of the library. It never changes, so threads share it.
+/// A model of the library, or one of its coarser levels of detail. It never changes, so threads share it.
+///
+/// Facts, lanes and voxels are those of the level; pictures, edits and exports are for the model itself, level 0.
 #[pyclass(frozen, module = "adjsplat._native")]
-pub(crate) struct Model(pub(crate) adjsplat::Model);
+pub(crate) struct Model(pub(crate) adjsplat::Model, u8);
 
 impl Model {
+    /// Returns the model itself, at level 0.
+    pub(crate) fn of(model: adjsplat::Model) -> Model {
+        Model(model, 0)
+    }
+
+    /// Returns the level: the file within the file that holds it.
+    pub(crate) fn level_arena(&self) -> adjsplat::Result<Arena<'_>> {
+        let missing = || Error::input("level", format!("{} is not in the file", self.1));
+        self.0.arena()?.level(self.1).ok_or_else(missing)
+    }
+
     pub(crate) fn arena(&self) -> PyResult<Arena<'_>> {
-        self.0.arena().map_err(exception)
+        self.level_arena().map_err(exception)
+    }
+
+    /// Returns the grid of the level.
+    fn grid(&self) -> PyResult<Grid> {
+        Ok(self.arena()?.facts().grid.clone())
     }
 }
 
@@ -32,13 +51,13 @@ impl Model {
     /// Maps an .adj file.
     #[staticmethod]
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Model> {
-        py.detach(|| adjsplat::Model::open(path)).map(Model).map_err(exception)
+        py.detach(|| adjsplat::Model::open(path)).map(Model::of).map_err(exception)
     }
 
     /// Takes the bytes of an .adj file.
     #[staticmethod]
     fn from_bytes(py: Python<'_>, bytes: &[u8]) -> PyResult<Model> {
-        py.detach(|| adjsplat::Model::from_bytes(bytes.to_vec())).map(Model).map_err(exception)
+        py.detach(|| adjsplat::Model::from_bytes(bytes.to_vec())).map(Model::of).map_err(exception)
     }
 
     /// Returns a copy of the bytes of the file.
@@ -55,13 +74,13 @@ impl Model {
     fn verify(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let arena = self.arena()?;
         let checked = py.detach(|| arena.check());
-        checked.map(drop).map_err(|fault| exception(adjsplat::Error::Format { path, fault }))
+        checked.map(drop).map_err(|fault| exception(Error::Format { path, fault }))
     }
 
     /// Returns the same voxels with another transfer function, given as JSON.
     fn with_transfer(&self, py: Python<'_>, transfer: &str) -> PyResult<Model> {
         let transfer = parsed(transfer)?;
-        py.detach(|| self.0.with_transfer(transfer)).map(Model).map_err(exception)
+        py.detach(|| self.0.with_transfer(transfer)).map(Model::of).map_err(exception)
     }
 
     /// Returns the values that a transfer function shows and the file does not store, as pairs of lowest and highest.
@@ -72,29 +91,42 @@ impl Model {
 
     /// Points along x, y, z.
     #[getter]
-    fn dims(&self) -> [u32; 3] {
-        self.0.grid().dims
+    fn dims(&self) -> PyResult<[u32; 3]> {
+        Ok(self.grid()?.dims)
     }
 
     #[getter]
-    fn spacing(&self) -> [f64; 3] {
-        self.0.grid().spacing
+    fn spacing(&self) -> PyResult<[f64; 3]> {
+        Ok(self.grid()?.spacing)
     }
 
     #[getter]
-    fn origin(&self) -> [f64; 3] {
-        self.0.grid().origin
+    fn origin(&self) -> PyResult<[f64; 3]> {
+        Ok(self.grid()?.origin)
     }
 
     /// For each index axis x, y, z its unit vector in the world.
     #[getter]
-    fn direction(&self) -> [[f64; 3]; 3] {
-        self.0.grid().direction
+    fn direction(&self) -> PyResult<[[f64; 3]; 3]> {
+        Ok(self.grid()?.direction)
     }
 
     #[getter]
-    fn count(&self) -> u64 {
-        self.0.visible_voxels()
+    fn count(&self) -> PyResult<u64> {
+        Ok(self.arena()?.facts().visible_voxels)
+    }
+
+    /// Number of coarser levels of detail.
+    #[getter]
+    fn level_count(&self) -> PyResult<u8> {
+        Ok(self.arena()?.level_count())
+    }
+
+    /// Returns a coarser level of detail: 1 to `level_count`.
+    fn level(&self, number: u8) -> PyResult<Model> {
+        let level = Model(self.0.clone(), number);
+        level.arena()?;
+        Ok(level)
     }
 
     /// The names of the stored lanes: x, y, z.
@@ -103,7 +135,7 @@ impl Model {
         Ok(self.arena()?.lanes().map(|lane| lane.axis.name()).collect())
     }
 
-    /// Bytes of the file.
+    /// Bytes of the file, or of the level's part of it.
     #[getter]
     fn nbytes(&self) -> PyResult<usize> {
         Ok(self.arena()?.bytes().len())
@@ -127,11 +159,11 @@ impl Model {
         self.0.transfer().to_json()
     }
 
-    /// Bits of a value, of a component of a normal, and of a gradient magnitude.
+    /// Bits of a value, of a component of a normal, of a gradient magnitude, and of a coverage.
     #[getter]
-    fn bits(&self) -> PyResult<[u8; 3]> {
+    fn bits(&self) -> PyResult<[u8; 4]> {
         let channels = self.arena()?.facts().channels;
-        Ok([channels.value_bits, channels.normal_bits, channels.magnitude_bits])
+        Ok([channels.value_bits, channels.normal_bits, channels.magnitude_bits, channels.coverage_bits])
     }
 
     /// The value of code 0, and the difference between neighbouring codes.
@@ -143,7 +175,8 @@ impl Model {
 
     /// The lowest and the highest coordinates (x, y, z) of visible voxels; None if a damaged file has none.
     fn bounds(&self, py: Python<'_>) -> PyResult<Option<[[u16; 3]; 2]>> {
-        let bounds = py.detach(|| self.0.bounds()).map_err(exception)?;
-        Ok(bounds.map(|bounds| [bounds.low, bounds.high]))
+        let arena = self.arena()?;
+        let bounds = py.detach(|| arena.lane(Axis::X).and_then(|lane| lane.bounds()));
+        Ok(bounds.map(|(low, high)| [low, high]))
     }
 }

@@ -27,6 +27,8 @@ pub(crate) struct Look {
     crop: Option<[[u16; 3]; 2]>,
     /// A point of the plane in front of which voxels are drawn, and its normal, in the world.
     clip: Option<[[f64; 3]; 2]>,
+    /// The level of detail to draw; without, those that suit the picture.
+    level: Option<usize>,
     threads: Option<usize>,
 }
 
@@ -58,6 +60,7 @@ impl Look {
             .with_exposure(self.exposure)
             .with_crop(crop)
             .with_clip(self.clip.map(|[point, normal]| ClipPlane { point, normal }))
+            .with_level(self.level)
             .with_threads(threads_or_all(self.threads)?);
         if let Some(sharpness) = self.sharpness {
             settings.kernel = Some(quality.kernel().sharpened(sharpness).map_err(exception)?);

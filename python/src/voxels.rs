@@ -3,7 +3,7 @@
 //! Python allocates the arrays, and this part fills them. Voxels come by ascending z, then y, then x, as numpy's
 //! `nonzero` gives them. A damaged file yields fewer or other voxels than its header says, never more than fit.
 
-use adjsplat::arena::{LaneRows, Record, Region, Rows, Voxel};
+use adjsplat::arena::{Coverage, LaneRows, Record, Region, Rows, Voxel};
 use adjsplat::classify::normal;
 use adjsplat::volume::Axis;
 use numpy::{Element, PyArray1, PyArray3, PyArrayMethods, PyReadwriteArray1, PyReadwriteArray2};
@@ -55,7 +55,7 @@ macro_rules! of_dtype {
 impl Model {
     /// Calls `see` with the voxels of each row inside the box `low..high` (x, y, z), by ascending z, then y.
     fn each_row(&self, low: [u32; 3], high: [u32; 3], mut see: impl FnMut(u16, u16, &[Voxel])) -> adjsplat::Result<()> {
-        let arena = self.0.arena()?;
+        let arena = self.level_arena()?;
         let lane = arena.lane(Axis::X).expect("every arena that opens has the lane along x");
         let rows = LaneRows::new(lane, |_, _, record: Record| Some(record));
         // Rows of one slice come by ascending y.
@@ -66,14 +66,15 @@ impl Model {
     }
 
     fn each_voxel(&self, mut see: impl FnMut([u16; 3], &Record)) -> adjsplat::Result<()> {
-        self.each_row([0; 3], self.0.grid().dims, |y, z, voxels| {
+        let dims = self.level_arena()?.facts().grid.dims;
+        self.each_row([0; 3], dims, |y, z, voxels| {
             voxels.iter().for_each(|voxel| see([voxel.x, y, z], &voxel.record));
         })
     }
 
     /// Returns the value of each code.
     fn decoded<T: Value>(&self) -> adjsplat::Result<Vec<T>> {
-        let arena = self.0.arena()?;
+        let arena = self.level_arena()?;
         let facts = arena.facts();
         let last = if facts.channels.value_bits == 8 { 255 } else { u16::MAX };
         Ok((0..=last).map(|code| T::nearest(facts.scales.value(code.into()))).collect())
@@ -86,7 +87,7 @@ impl Model {
         let block = out.as_slice_mut().map_err(|_| PyValueError::new_err("the block must be contiguous"))?;
         let size = [width, height, depth];
         let mut high = [0; 3];
-        for (a, points) in self.0.grid().dims.into_iter().enumerate() {
+        for (a, points) in self.arena()?.facts().grid.dims.into_iter().enumerate() {
             let end = u32::try_from(size[a]).ok().and_then(|size| low[a].checked_add(size));
             let outside = || PyValueError::new_err("the block reaches beyond the volume");
             high[a] = end.filter(|&end| end <= points).ok_or_else(outside)?;
@@ -160,7 +161,8 @@ pub(crate) fn read_positions(model: &Model, py: Python<'_>, mut out: PyReadwrite
 /// Writes the normal of each visible voxel (x, y, z in the world) to a row of `out`; returns how many there were.
 #[pyfunction]
 pub(crate) fn read_normals(model: &Model, py: Python<'_>, mut out: PyReadwriteArray2<'_, f32>) -> PyResult<usize> {
-    let (bits, grid) = (model.arena()?.facts().channels.normal_bits, model.0.grid());
+    let arena = model.arena()?;
+    let (bits, grid) = (arena.facts().channels.normal_bits, &arena.facts().grid);
     let out = out.as_slice_mut().map_err(|_| not_contiguous())?;
     let out = out.as_chunks_mut::<3>().0;
     let count = out.len();
@@ -197,4 +199,34 @@ pub(crate) fn read_magnitudes(model: &Model, py: Python<'_>, mut out: PyReadwrit
     };
     py.detach(fill).map_err(exception)?;
     Ok(count - rows.len())
+}
+
+/// Writes for each visible voxel of a level the share of its block that is visible to `shares`, and the mean place (z, y, x) of
+/// what is visible, in points of the level, to a row of `centres`; returns how many there were.
+#[pyfunction]
+pub(crate) fn read_coverages(
+    model: &Model,
+    py: Python<'_>,
+    mut shares: PyReadwriteArray1<'_, f32>,
+    mut centres: PyReadwriteArray2<'_, f32>,
+) -> PyResult<usize> {
+    let channels = model.arena()?.facts().channels;
+    let shares = shares.as_slice_mut().map_err(|_| not_contiguous())?;
+    let centres = centres.as_slice_mut().map_err(|_| not_contiguous())?;
+    let centres = centres.as_chunks_mut::<3>().0;
+    let mut rows = shares.iter_mut().zip(centres);
+    let mut written = 0;
+    let fill = || {
+        model.each_voxel(|[x, y, z], record| {
+            if let Some((share, centre)) = rows.next() {
+                let coverage = Coverage::of_code(record.coverage, channels);
+                let [dx, dy, dz] = coverage.offset;
+                *share = coverage.share;
+                *centre = [f32::from(z) + dz, f32::from(y) + dy, f32::from(x) + dx];
+                written += 1;
+            }
+        })
+    };
+    py.detach(fill).map_err(exception)?;
+    Ok(written)
 }

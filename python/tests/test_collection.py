@@ -168,6 +168,50 @@ def test_a_preview_is_a_model_of_its_own(tmp_path):
     assert without.join(tmp_path / "joined.adj").count == whole.count
 
 
+def test_bricks_with_levels_have_those_of_one_build(tmp_path):
+    pytest.importorskip("dask")
+    array = blob((32, 24, 40))
+    whole = adj.build(array, tmp_path / "whole.adj", visible=(60, None), levels=2)
+    options = {"visible": (60, None), "levels": 2}
+    bricks = adj.dask.build(array, tmp_path / "a.adjs", brick=(8, 12, 20), preview=4, **options)
+    assert bricks.level_count == 2 and bricks.verify() == []
+    bricks.join(tmp_path / "joined.adj")
+    adj.dask.build(array, tmp_path / "b.adj", slab=8, **options)
+    assert bytes_of(tmp_path / "joined.adj") == bytes_of(tmp_path / "b.adj") == bytes_of(whole.path)
+    # A brick's level is its part of the whole's: so are its means of blocks.
+    visible = (array >= 60).reshape(16, 2, 12, 2, 20, 2).mean(axis=(1, 3, 5))
+    for brick in bricks.bricks:
+        if brick.file is None:
+            continue
+        level = adj.open(tmp_path / "a.adjs" / brick.file).levels[1]
+        dense = np.zeros(level.shape)
+        dense[level.nonzero()] = level.coverage()
+        part = tuple(slice(low // 2, (low + size) // 2) for low, size in zip(brick.low, brick.shape))
+        assert (dense == visible[part]).all() and (level.to_numpy() == whole.levels[1][part]).all()
+    # The preview is a level of the whole.
+    assert (bricks.preview.to_numpy() == whole.levels[2].to_numpy()).all()
+    view = {"size": (60, 50), "azimuth": 20, "elevation": 10, "quality": "reference"}
+    slabs = adj.split(whole, tmp_path / "slabs.adjs", slab=8, partition="xyz")
+    for level in (0, 1, 2):
+        picture = adj.render(whole, level=level, **view)
+        assert np.abs(slabs.render(level=level, **view) - picture).max() < 1e-5
+        assert np.abs(adj.dask.render(slabs, level=level, **view) - picture).max() < 1e-5
+    with pytest.raises(ValueError, match="levels 0 to 2"):
+        slabs.render(level=3)
+
+
+def test_a_plan_says_how_many_levels_its_bricks_hold():
+    array = np.full((160, 8, 8), 100, np.uint8)
+    plan = adj.BrickPlan(array, visible=(60, None), slab=4, levels="auto")
+    assert plan.level_count == 2 and adj.BrickPlan.from_json(plan.to_json()).level_count == 2
+    assert adj.BrickPlan(array, visible=(60, None), slab=5, levels="auto").level_count == 0
+    assert adj.BrickPlan(array, visible=(60, None), slab=5).level_count == 0
+    with pytest.raises(ValueError, match="are 2, but these bricks can hold 1"):
+        adj.BrickPlan(array, visible=(60, None), slab=6, levels=2)
+    with pytest.raises(ValueError, match="levels"):
+        adj.BrickPlan(array, visible=(60, None), slab=6, levels=16)
+
+
 def test_pictures_of_parts_are_put_together(file, tmp_path):
     bricks = adj.split(adj.open(file), tmp_path / "a.adjs", slab=5)
     near = np.zeros((4, 5, 4), np.float32)

@@ -23,7 +23,8 @@ def test_docstrings(name, tmp_path, monkeypatch):
         pytest.importorskip("matplotlib")
     module = importlib.import_module(name)
     f = adj.build("phantom:gyroid", "engine.adj", shape=(64, 64, 64), dtype="u1", visible=(100, None))
-    known = {"adj": adj, "np": np, "f": f}
+    g = adj.build("phantom:gyroid", "pyramid.adj", shape=(64, 64, 64), dtype="u1", visible=(100, None), levels=2)
+    known = {"adj": adj, "np": np, "f": f, "g": g}
     failed, _ = doctest.testmod(module, extraglobs=known, optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
     assert failed == 0
 

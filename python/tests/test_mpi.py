@@ -42,6 +42,22 @@ def test_ranks_build_the_bytes_and_draw_the_picture_of_one(ranks, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"a.npy", "whole.adj", "a.adjs", "a.adj", "a.exr", "one.exr"}
 
 
+def test_ranks_build_and_draw_levels(tmp_path):
+    array = blob((24, 24, 28), np.int16) * 5
+    np.save(tmp_path / "a.npy", array)
+    whole = adj.build(array, tmp_path / "whole.adj", visible=(300, None), levels=2)
+    words = ["--visible", "300..", "--slab", "8", "--levels", "2"]
+    built = run(2, "build", "a.npy", "-o", "a.adjs", *words, folder=tmp_path)
+    assert built.returncode == 0, built.stderr
+    adj.Collection(tmp_path / "a.adjs").join(tmp_path / "a.adj")
+    assert pathlib.Path(tmp_path / "a.adj").read_bytes() == pathlib.Path(tmp_path / "whole.adj").read_bytes()
+    view = ["--size", "50x41", "--elevation", "75", "--quality", "reference", "--level", "1"]
+    drawn = run(2, "render", "a.adjs", "-o", "a.exr", *view, folder=tmp_path)
+    assert drawn.returncode == 0, drawn.stderr
+    adj.save(tmp_path / "one.exr", adj.render(whole, (50, 41), 0, 75, quality="reference", level=1))
+    assert adj.compare(tmp_path / "one.exr", tmp_path / "a.exr").psnr > 100
+
+
 def test_a_rank_that_fails_ends_all_with_its_message(tmp_path):
     np.save(tmp_path / "a.npy", blob())
     refused = [

@@ -11,7 +11,9 @@ use super::input::{Input, InputArguments};
 use super::progress::{Progress, interrupted};
 use super::resources::ResourceArguments;
 use super::split::CutArguments;
+use super::values::levels;
 use super::{Answer, is_same_file, print_note, print_result};
+use adjsplat::arena::Levels;
 use adjsplat::build::Resources;
 use adjsplat::collection::{Findings, Partition, Plan};
 use adjsplat::error::{Error, Result};
@@ -57,6 +59,11 @@ struct PlanArguments {
     classification: ClassificationArguments,
     #[command(flatten)]
     packing: PackingArguments,
+    /// Coarser levels of detail to store in each brick, each on a grid of half the points: a number of them, none, or auto for
+    /// as many as are of use and no brick's border divides: borders at multiples of 2, 4, 8 ... points. Pictures brick by brick
+    /// then read the level that they need, and the preview is a level
+    #[arg(long, value_name = "N|auto|none", default_value = "none", value_parser = levels, help_heading = "Packing")]
+    levels: Levels,
     #[command(flatten)]
     reading: InputArguments,
 }
@@ -155,7 +162,7 @@ fn plan(arguments: &PlanArguments) -> Result<Answer> {
     if input.has(&arguments.output) {
         return Err(Error::input("--output", "is the volume itself, which it would replace; give another name"));
     }
-    let options = arguments.packing.options(transfer, None);
+    let options = arguments.packing.options(transfer, None).with_levels(arguments.levels);
     let mut plan = Plan::new(source.header(), options, &arguments.cuts.sizes())?;
     if let Some(every) = arguments.cuts.preview {
         plan = plan.with_preview(every);
@@ -163,7 +170,13 @@ fn plan(arguments: &PlanArguments) -> Result<Answer> {
     write(&arguments.output, &plan.to_json())?;
     let counts: Vec<usize> = plan.partitions()?.iter().map(Partition::len).collect();
     let (scans, all) = (counts[0], counts.iter().sum::<usize>());
-    print_result(&format!("{}: {scans} bricks to scan, {all} to build", arguments.output.display()));
+    let levels = match (plan.level_count(), arguments.levels) {
+        (0, Levels::Auto) => ", without levels of detail: none is of use, or bricks would divide its blocks".to_owned(),
+        (0, _) => String::new(),
+        (1, _) => ", with 1 level of detail".to_owned(),
+        (count, _) => format!(", with {count} levels of detail"),
+    };
+    print_result(&format!("{}: {scans} bricks to scan, {all} to build{levels}", arguments.output.display()));
     Ok(Answer::Yes)
 }
 

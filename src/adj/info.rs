@@ -111,6 +111,7 @@ fn of_collection(collection: &Collection) -> Value {
         "visible_voxels": facts.visible_voxels,
         "visible_share": facts.visible_voxels as f64 / facts.grid.points() as f64,
         "lanes": manifest.lanes,
+        "levels": levels_of_collection(collection),
         "partitions": manifest.partitions.len(),
         "channels": channels(&facts),
         "tile_order": facts.tile_order.name(),
@@ -202,6 +203,16 @@ fn levels(arena: &Arena) -> Vec<Value> {
                 "bytes": level.bytes().len(),
                 "share_of_file": level.bytes().len() as f64 / arena.bytes().len() as f64,
             })
+        })
+        .collect()
+}
+
+/// Returns the coarser levels of detail that the bricks of a collection hold.
+fn levels_of_collection(collection: &Collection) -> Vec<Value> {
+    let levels = (1..).zip(collection.levels());
+    levels
+        .map(|(number, facts): (u8, &Facts)| {
+            json!({ "level": number, "dims": facts.grid.dims, "visible_voxels": facts.visible_voxels })
         })
         .collect()
 }

@@ -297,6 +297,10 @@ impl RenderJob<'_> {
         if level > u32::from(count) {
             let name = self.input.path().display();
             let has = match count {
+                0 if Collection::is_at(self.input.path()) => {
+                    "level 0 alone; adj brick plan --levels, or adj split of a file with levels, makes others"
+                        .to_owned()
+                }
                 0 => "level 0 alone; adj trim --levels makes others".to_owned(),
                 _ => format!("levels 0 to {count}"),
             };

@@ -220,7 +220,8 @@ impl<'a> Renderer<'a> {
     /// Any error of the camera or of the settings.
     pub(super) fn levels(&self, camera: &Camera, settings: &Settings) -> Result<BTreeSet<usize>> {
         match self {
-            Renderer::Reference(_) | Renderer::Bricks(..) => Ok(BTreeSet::from([0])),
+            Renderer::Reference(_) => Ok(BTreeSet::from([0])),
+            Renderer::Bricks(collection, transfer, _) => collection.levels_drawn(transfer, camera, settings),
             _ => Ok(level_parts(self.scene()?, camera, settings)?.into_iter().map(|part| part.level).collect()),
         }
     }

@@ -16,8 +16,8 @@ use adjsplat::file::AdjFile;
 
 /// Split an .adj file into a collection: a folder of bricks, each an .adj file of its own
 ///
-/// adj join makes the same file from it again, byte for byte, but for coarser levels of detail, which bricks do not hold: make
-/// them again with adj trim --levels. The volume is not needed.
+/// adj join makes the same file from it again, byte for byte. Bricks keep the coarser levels of detail whose blocks no border
+/// divides: with borders at multiples of 8 points, three of them or more. Others are left out. The volume is not needed.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj split head.adj -o head.adjs --slab 64\n  adj split head.adj -o head.adjs --brick 128x128x128"
@@ -105,9 +105,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     if !arguments.no_verify {
         arena.check().map_err(|fault| Error::Format { path: arguments.input.clone(), fault })?;
     }
-    if arena.level_count() > 0 && !arguments.quiet {
-        print_note("note: bricks hold no levels of detail; those of the file are left out");
-    }
     let boxes = |size| Partition::into_boxes(arena.facts().grid.dims, size);
     let partitions = arguments.cuts.sizes().into_iter().map(boxes).collect::<Result<Vec<_>>>()?;
     let (memory, threads) = (Some(arguments.resources.memory()), arguments.resources.threads());
@@ -115,6 +112,16 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let collection =
         split(&arena, &partitions, arguments.cuts.preview, &arguments.output, memory, threads, &mut progress)?;
     drop(progress);
+    let kept = collection.manifest().levels;
+    if kept < arena.level_count() && !arguments.quiet {
+        let number = if kept == 0 { "none".to_owned() } else { format!("{kept}") };
+        print_note(&format!(
+            "note: of {} levels of detail, bricks keep {number}: their borders divide blocks of the others; borders at \
+             multiples of {} points along each axis keep all",
+            arena.level_count(),
+            1u32 << arena.level_count()
+        ));
+    }
     let (path, bricks) = (arguments.output.display(), collection.bricks());
     let files = bricks.iter().filter(|brick| brick.file.is_some()).count();
     let (visible, seconds) = (collection.manifest().visible_voxels, start.elapsed().as_secs_f64());
@@ -124,6 +131,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
             "bricks": bricks.len(),
             "files": files,
             "visible_voxels": visible,
+            "levels": kept,
             "seconds": seconds,
         })
         .to_string()

@@ -293,7 +293,7 @@ fn the_commands_of_the_page_on_clusters_run() {
     let page = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/clusters.md");
     let text = std::fs::read_to_string(page).expect("the page is there");
     let blocks: Vec<&str> = text.split("```sh\n").skip(1).filter_map(|block| block.split("```").next()).collect();
-    assert_eq!(blocks.len(), 2);
+    assert_eq!(blocks.len(), 3);
     let programs = std::path::Path::new(env!("CARGO_BIN_EXE_adj")).parent().expect("a folder").to_path_buf();
     let path = std::env::var_os("PATH").unwrap_or_default();
     let paths = std::env::join_paths(std::iter::once(programs).chain(std::env::split_paths(&path))).expect("paths");
@@ -304,6 +304,7 @@ fn the_commands_of_the_page_on_clusters_run() {
         assert!(ran.status.success(), "{block}\n{}", String::from_utf8_lossy(&ran.stderr));
     }
     assert!(bytes(&folder, "gyroid.adj") == bytes(&folder, "again.adj"));
+    assert!(bytes(&folder, "levels.adj") == bytes(&folder, "levels-again.adj"));
     folder.adj("join steps.adjs -o steps.adj").done();
     assert!(bytes(&folder, "gyroid.adj") == bytes(&folder, "steps.adj"));
     assert!(bytes(&folder, "gyroid.adjs/preview.adj") == bytes(&folder, "steps.adjs/preview.adj"));

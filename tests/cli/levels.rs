@@ -112,3 +112,62 @@ fn a_picture_that_does_not_fit_into_the_memory_is_drawn_from_a_level_that_does()
     folder.adj("render a.adj -o p.png --fit").refused(&["--fit", "--memory", "--vram"]);
     folder.adj("render a.adj -o p.png --fit --memory 64MiB --max-error 0.1").refused(&["--fit", "--max-error"]);
 }
+
+#[test]
+fn bricks_are_built_with_levels_and_drawn_from_them() {
+    let folder = Folder::new();
+    let volume = "phantom:shells --dims 96x96x96";
+    folder.adj(&format!("build {volume} --range 100.. --levels 2 -o a.adj")).done();
+    let plan = |cuts: &str| format!("brick plan {volume} --range 100.. {cuts} -o plan.json");
+    folder.adj(&plan("--slab 30 --levels 2")).refused(&[
+        "levels of detail",
+        "are 2",
+        "can hold 1",
+        "multiple of 4x4x4",
+    ]);
+    folder.adj(&plan("--slab 2 --levels 16")).refused(&["--levels", "15"]);
+    assert!(!folder.file("plan.json").exists());
+    let told = folder.adj(&plan("--slab 25 --levels auto")).done();
+    assert!(told.contains("without levels of detail: none is of use, or bricks would divide its blocks"), "{told}");
+    let told = folder.adj(&plan("--slab 24 --levels 2 --preview 4")).done();
+    assert!(told.contains("4 bricks to scan, 4 to build, with 2 levels of detail"), "{told}");
+    for brick in 0..4 {
+        folder.adj(&format!("brick scan plan.json {brick} {volume} -o found-{brick}.json")).done();
+    }
+    folder.adj("brick agree plan.json found-0.json found-1.json found-2.json found-3.json -o agreed.json").done();
+    for brick in 0..4 {
+        folder.adj(&format!("brick build agreed.json {brick} {volume} -o a.adjs")).done();
+    }
+    folder.adj("brick finish agreed.json a.adjs").done();
+    folder.adj("verify a.adjs").done();
+    folder.adj("join a.adjs -o joined.adj").done();
+    let bytes = |name: &str| std::fs::read(folder.file(name)).expect("it was written");
+    assert!(bytes("joined.adj") == bytes("a.adj"), "levels of bricks are those of one build");
+
+    let info = folder.adj("info a.adjs --json").json();
+    let of_file = folder.adj("info a.adj --json").json();
+    for level in 0..2 {
+        for member in ["level", "dims", "visible_voxels"] {
+            assert_eq!(info["levels"][level][member], of_file["levels"][level][member]);
+        }
+    }
+    assert_eq!(info["preview"]["level"], 2);
+    let preview = folder.adj("info a.adjs/preview.adj --json").json();
+    assert_eq!((&preview["dims"], &preview["channels"]["coverage_bits"]), (&json!([24, 24, 24]), &json!(16)));
+    folder.adj("verify a.adjs/preview.adj").done();
+
+    // Joined, a collection is drawn as the file is; brick by brick, from the same level.
+    for view in ["--size 24x24", "--size 24x24 --quality draft", "--size 200x200 --level 1"] {
+        let (_, whole) = drawn(&folder, &format!("a.adj {view}"));
+        for (how, is_same) in [("", true), ("--memory 128MiB", true), ("--bricks", false)] {
+            let (_, stats) = drawn(&folder, &format!("a.adjs {how} {view}"));
+            assert_eq!(stats["levels"], whole["levels"], "{view} {how}");
+            assert!(stats["image_sha256"] == whole["image_sha256"] || !is_same, "{view} {how}");
+        }
+    }
+    let (told, stats) = drawn(&folder, "a.adjs --bricks --size 60x60 --perspective 100 --quality draft");
+    assert_eq!(stats["levels"], json!([0, 1]), "{told}");
+    folder.adj("render a.adjs --bricks --level 3 -o p.png").refused(&["--level", "is 3", "levels 0 to 2"]);
+    folder.adj("split joined.adj -o odd.adjs --slab 31").done();
+    folder.adj("render odd.adjs --bricks --level 1 -o p.png").refused(&["--level", "level 0 alone", "adj brick plan"]);
+}

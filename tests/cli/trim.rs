@@ -304,13 +304,18 @@ fn damage_in_a_level_is_found_with_its_byte() {
 }
 
 #[test]
-fn bricks_hold_no_levels_and_say_so() {
+fn bricks_keep_the_levels_that_no_border_divides_and_name_the_others() {
     let folder = Folder::new();
     solid(&folder, "plain.adj", "");
     solid(&folder, "a.adj", "--levels 2");
     let ran = folder.adj("split a.adj -o a.adjs --slab 16");
-    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
-    assert!(ran.stderr.contains("bricks hold no levels of detail"), "{}", ran.stderr);
+    assert!(ran.code == Some(0) && ran.stderr.is_empty(), "{}", ran.stderr);
     folder.adj("join a.adjs -o b.adj").done();
-    assert!(bytes(&folder, "b.adj") == bytes(&folder, "plain.adj"));
+    assert!(bytes(&folder, "b.adj") == bytes(&folder, "a.adj"));
+    let ran = folder.adj("split a.adj -o odd.adjs --slab 9");
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    let told = "of 2 levels of detail, bricks keep none: their borders divide blocks of the others; borders at multiples of 4 points";
+    assert!(ran.stderr.contains(told), "{}", ran.stderr);
+    folder.adj("join odd.adjs -o c.adj").done();
+    assert!(bytes(&folder, "c.adj") == bytes(&folder, "plain.adj"));
 }

@@ -30,7 +30,7 @@ fn waves(dims: [u64; 3]) -> Vec<f64> {
 const DIMS: [u64; 3] = [29, 23, 26];
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 1,000")]
-fn volumes() -> Vec<Volume> {
+pub(crate) fn volumes() -> Vec<Volume> {
     let values = waves(DIMS);
     let grid = |volume: Volume| {
         volume.with_spacing([0.7, 1.0, 1.3]).unwrap().with_origin([-3.3, 0.1, 77.7]).unwrap().with_unit("mm")
@@ -47,7 +47,7 @@ fn volumes() -> Vec<Volume> {
 }
 
 /// Functions that need each kind of agreement: given and open ranges, narrow features, gradients, labels.
-fn functions() -> Vec<BuildOptions> {
+pub(crate) fn functions() -> Vec<BuildOptions> {
     let point = |&(value, opacity): &(f64, f64)| Point { value, colour: Colour::from_bytes([200, 120, 40]), opacity };
     let points = [(100.0, 0.0), (101.0, 0.5), (102.0, 0.0), (180.0, 0.0), (250.0, 1.0)];
     let narrow = TransferFunction::points(points.iter().map(point).collect(), Vec::new()).unwrap();
@@ -61,7 +61,7 @@ fn functions() -> Vec<BuildOptions> {
 }
 
 /// Builds a collection by a plan, in any order of bricks, with the plan as text between all steps.
-fn planned(
+pub(crate) fn planned(
     volume: &Volume,
     options: &BuildOptions,
     bricks: &[[u32; 3]],
@@ -72,7 +72,7 @@ fn planned(
 }
 
 /// Does all steps of a plan; returns it, agreed, with the collection.
-fn built(volume: &Volume, mut plan: Plan, folder: &Path) -> adjsplat::Result<(Plan, Collection)> {
+pub(crate) fn built(volume: &Volume, mut plan: Plan, folder: &Path) -> adjsplat::Result<(Plan, Collection)> {
     let counts: Vec<usize> = plan.partitions()?.iter().map(Partition::len).collect();
     let part = |plan: &Plan, index: usize| {
         let region = plan.samples_of(index).unwrap();
@@ -96,7 +96,7 @@ fn built(volume: &Volume, mut plan: Plan, folder: &Path) -> adjsplat::Result<(Pl
     Ok((plan, collection))
 }
 
-fn joined(collection: &Collection, path: &Path) -> Vec<u8> {
+pub(crate) fn joined(collection: &Collection, path: &Path) -> Vec<u8> {
     collection.join(path, None, 2, &mut Unobserved).unwrap();
     std::fs::read(path).unwrap()
 }
@@ -170,7 +170,7 @@ fn a_file_that_is_split_joins_to_its_bytes() {
 }
 
 /// Returns the positions and codes of all voxels of a file.
-fn voxels(arena: &Arena) -> Vec<([u32; 3], Record)> {
+pub(crate) fn voxels(arena: &Arena) -> Vec<([u32; 3], Record)> {
     let rows = LaneRows::new(arena.lane(Axis::X).unwrap(), |_, _, record| Some(record));
     let mut found = Vec::new();
     let all = Region::at([0; 3], arena.facts().grid.dims);
@@ -356,6 +356,12 @@ fn a_manifest_that_lies_is_refused_in_one_line() {
         *changed.pointer_mut(pointer).unwrap() = value;
         changed.to_string()
     };
+    // Bricks of 15 points divide blocks of two; and 200 levels there never are.
+    let with = |pointer: &str, member: &str, value: u8| {
+        let mut changed = sound.clone();
+        changed.pointer_mut(pointer).unwrap()[member] = value.into();
+        changed.to_string()
+    };
     let cases = [
         (text[..text.len() / 2].to_owned(), "EOF"),
         (change("/adjs", 2.into()), "version 2"),
@@ -379,6 +385,9 @@ fn a_manifest_that_lies_is_refused_in_one_line() {
         (change("/preview/file", "../a.adj".into()), "outside the folder"),
         (change("/preview/every", 0.into()), "every 0-th point"),
         (change("/preview/every", 1.into()), "every 1-th point"),
+        (with("/preview", "level", 1), "a level that is none of its 0"),
+        (with("", "levels", 1), "levels of detail"),
+        (with("", "levels", 200), "levels of detail"),
     ];
     for (text, part) in cases {
         std::fs::write(&path, &text).unwrap();
@@ -442,7 +451,7 @@ fn crossed(region: &adjsplat::arena::Region, start: [f64; 3], along: [f64; 3]) -
 }
 
 /// Peak signal-to-noise ratio of two pictures, over pixels that are not empty in either.
-fn decibels(one: &[f32], other: &[f32]) -> f64 {
+pub(crate) fn decibels(one: &[f32], other: &[f32]) -> f64 {
     let pixels = one.chunks(4).zip(other.chunks(4)).filter(|(one, other)| one[3] > 0.0 || other[3] > 0.0);
     let (mut sum, mut count) = (0.0, 0.0f64);
     for (one, other) in pixels {

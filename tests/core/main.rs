@@ -1,5 +1,6 @@
 //! The structure: samples to visible voxels, the builder, the file, walks, edits.
 
+mod brick_levels;
 mod build;
 mod classify;
 mod classify_fields;

@@ -10,7 +10,7 @@ use super::super::stored::stored_transfer;
 use super::frames::draw_frames;
 use super::view::cameras;
 use super::{RenderJob, draw};
-use adjsplat::arena::{Arena, Levels};
+use adjsplat::arena::Arena;
 use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{RowsOutput, open_rows, scratch_folder};
@@ -31,9 +31,7 @@ impl RenderJob<'_> {
         let transfer = arguments.classification.transfer(self.input.path())?;
         let mut progress = Progress::new(arguments.quiet);
         if self.memory.is_some() {
-            let (facts, description) = (collection.manifest().facts(), collection.manifest().description());
-            let (lane_count, memory, threads) = (collection.manifest().lanes, self.memory, settings.threads);
-            let output = RowsOutput { facts, description, lane_count, memory, threads, levels: Levels::default() };
+            let output = RowsOutput { memory: self.memory, threads: settings.threads, ..collection.output() };
             let folder = scratch_folder(&arguments.output)?;
             let file = open_rows(&folder, &collection.rows()?, &output, &mut progress)?;
             drop(progress);
@@ -73,7 +71,7 @@ impl RenderJob<'_> {
                 return Err(Error::input(flag, "is not for --bricks; leave one of them out"));
             }
         }
-        settings.level = self.level(0)?;
+        settings.level = self.level(collection.manifest().levels)?;
         settings.crop = arguments.view.crop.map(|crop| crop.in_grid(collection.grid().dims)).transpose()?;
         let first = collection.bricks().iter().find_map(|brick| brick.file.as_ref());
         let first = first

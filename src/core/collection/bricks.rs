@@ -7,18 +7,17 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::joined::JoinedRows;
+use super::levels::rows_of;
 use super::manifest::{BrickEntry, Manifest, fingerprint};
-use super::preview::preview_grid;
 use crate::arena::lanes::DerivedLanes;
 use crate::arena::layout::Facts;
-use crate::arena::{Checked, LaneRows, Levels, Rows};
+use crate::arena::{Checked, Region, Rows};
 use crate::build::Observer;
-use crate::build::builder::lanes_of;
 use crate::error::{Error, Result};
-use crate::file::{AdjFile, RowsOutput, arena_bytes, write_rows};
+use crate::file::{AdjFile, RowsOutput, bytes_of_rows_and_levels, write_rows_and_levels};
 use crate::limits::Limits;
+use crate::volume::Grid;
 use crate::volume::source::obtainable;
-use crate::volume::{Axis, Grid};
 
 /// An open collection: a manifest, and the bricks that fit it.
 #[derive(Debug)]
@@ -28,6 +27,8 @@ pub struct Collection {
     bricks: Vec<Brick>,
     preview: Option<Result<AdjFile>>,
     faults: Vec<Error>,
+    /// The facts of the levels of the whole, level 1 first.
+    levels: Vec<Facts>,
 }
 
 /// A brick of an open collection.
@@ -38,6 +39,8 @@ pub struct Brick {
     /// The brick's file, memory-mapped; `None` if it has no voxels, or a fault.
     pub file: Option<AdjFile>,
     pub(super) derived: DerivedLanes,
+    /// The facts of the brick's levels, and their derived lanes; level 1 first.
+    pub(super) levels: Vec<(Facts, DerivedLanes)>,
 }
 
 impl Collection {
@@ -60,27 +63,39 @@ impl Collection {
         let manifest = Manifest::read(&path, limits)?;
         let (mut bricks, mut faults) = (Vec::new(), Vec::new());
         for entry in manifest.partitions.iter().flatten() {
-            let content = Content {
+            let facts = Facts {
                 grid: entry.region().grid(&manifest.grid),
                 visible_voxels: entry.visible_voxels,
-                fingerprint: entry.fingerprint.as_deref(),
+                ..manifest.facts()
             };
-            let opened = entry.file.as_ref().map(|name| opened(&path.join(name), &content, &manifest, limits));
+            let content = Content { facts, levels: manifest.levels, fingerprint: entry.fingerprint.as_deref() };
+            let opened = entry.file.as_ref().map(|name| opened(&path.join(name), &content, limits));
             let file = opened.transpose().unwrap_or_else(|fault| {
                 faults.push(fault);
                 None
             });
-            bricks.push(Brick { entry: entry.clone(), file, derived: DerivedLanes::new(limits.derived_bytes) });
+            let derived = || DerivedLanes::new(limits.derived_bytes);
+            let mut levels = Vec::new();
+            if let Some(file) = &file {
+                let arena = file.arena()?;
+                let facts = (1..=manifest.levels).map_while(|number| Some(arena.level(number)?.facts().clone()));
+                levels.extend(facts.map(|facts| (facts, derived())));
+            }
+            bricks.push(Brick { entry: entry.clone(), file, derived: derived(), levels });
         }
         let preview = manifest.preview.as_ref().map(|entry| {
-            let content = Content {
-                grid: preview_grid(&manifest.grid, entry.every),
-                visible_voxels: entry.visible_voxels,
-                fingerprint: Some(&entry.fingerprint),
-            };
-            opened(&path.join(&entry.file), &content, &manifest, limits)
+            let facts = entry.facts(&manifest.facts());
+            let content = Content { facts, levels: 0, fingerprint: Some(&entry.fingerprint) };
+            opened(&path.join(&entry.file), &content, limits)
         });
-        Ok(Collection { path, manifest, bricks, preview, faults })
+        let mut levels: Vec<Facts> = manifest.levels().into_iter().map(|level| level.facts).collect();
+        let mut collection = Collection { path, manifest, bricks, preview, faults, levels: Vec::new() };
+        for (number, facts) in levels.iter_mut().enumerate() {
+            let of_bricks = collection.once().iter().filter_map(|brick| brick.levels.get(number));
+            facts.visible_voxels = of_bricks.map(|(facts, _)| facts.visible_voxels).sum();
+        }
+        collection.levels = levels;
+        Ok(collection)
     }
 
     /// Returns whether `path` is a collection: a folder with a manifest, or one whose name says that there should be one.
@@ -137,6 +152,11 @@ impl Collection {
         &self.manifest.grid
     }
 
+    /// Returns the contents of the headers of the whole's coarser levels of detail, which bricks hold parts of; level 1 first.
+    pub fn levels(&self) -> &[Facts] {
+        &self.levels
+    }
+
     /// Returns what is wrong with bricks, an error for each that names its file: missing, damaged, of another build.
     pub fn faults(&self) -> &[Error] {
         &self.faults
@@ -163,15 +183,27 @@ impl Collection {
     /// # Errors
     /// [`Error::Format`] if a file was changed in place since it was opened.
     pub fn rows(&self) -> Result<impl Rows + '_> {
-        let Manifest { channels, grid, .. } = &self.manifest;
+        self.joined_rows(0, &self.manifest.facts(), Region::clone)
+    }
+
+    /// Returns the voxels of level `number` of all bricks without faults, as rows of a grid in which a brick has a `place`.
+    fn joined_rows(&self, number: u8, facts: &Facts, place: impl Fn(&Region) -> Region) -> Result<JoinedRows<'_>> {
         let mut bricks = Vec::new();
         for Brick { entry, file, .. } in self.once() {
             let Some(file) = file else { continue };
-            let lane = file.arena()?.lane(Axis::X).expect("every arena that opens has the lane along x");
-            let rows: Box<dyn Rows> = Box::new(LaneRows::new(lane, |_, _, record| Some(record)));
-            bricks.push((entry.region(), rows));
+            bricks.push((place(&entry.region()), rows_of(&file.arena()?, number, None)?));
         }
-        Ok(JoinedRows { dims: grid.dims, channels: *channels, bricks })
+        Ok(JoinedRows { dims: facts.grid.dims, channels: facts.channels, bricks })
+    }
+
+    /// Returns the voxels of the levels of all bricks without faults, from level 1 on.
+    fn level_rows(&self) -> Result<Vec<Box<dyn Rows + '_>>> {
+        let levels = (1..).zip(self.manifest.levels());
+        let rows = levels.map(|(number, level)| {
+            let rows = self.joined_rows(number, &level.facts, |region| level.place(region))?;
+            Ok(Box::new(rows) as Box<dyn Rows + '_>)
+        });
+        rows.collect()
     }
 
     /// Joins the bricks in memory: returns the bytes of the `.adj` file that [`Collection::join`] writes.
@@ -187,14 +219,14 @@ impl Collection {
         let what = "bytes of memory, to join its bricks (open its preview, or a brick)";
         Limits::default().check(&self.path, what, need, most.min(obtainable(need)))?;
         let rows = self.rows()?;
-        let lanes = lanes_of(&rows, &self.manifest.facts(), self.manifest.lanes, threads, observer)?;
         let usable = once.iter().filter(|brick| brick.file.is_some());
         let visible_voxels = usable.map(|brick| brick.entry.visible_voxels).sum();
         if visible_voxels == 0 {
             return Err(Error::input(self.path.display().to_string(), "none of its bricks can be used"));
         }
         let facts = Facts { visible_voxels, ..self.manifest.facts() };
-        Ok(arena_bytes(&facts, &lanes, self.manifest.description()))
+        let output = RowsOutput { facts, threads, ..self.output() };
+        bytes_of_rows_and_levels(&rows, &self.level_rows()?, &output, observer)
     }
 
     /// Joins the bricks to an `.adj` file at `path`, with bounded memory; returns its header facts and length in bytes.
@@ -203,7 +235,7 @@ impl Collection {
     /// out: ask [`Collection::require_all`] first.
     ///
     /// # Errors
-    /// The errors of [`write_rows`].
+    /// The errors of [`write_rows`](crate::file::write_rows).
     pub fn join(
         &self,
         path: &Path,
@@ -211,16 +243,20 @@ impl Collection {
         threads: usize,
         observer: &mut dyn Observer,
     ) -> Result<(Facts, u64)> {
-        let (facts, description) = (self.manifest.facts(), self.manifest.description());
-        let output = RowsOutput {
-            facts,
-            description,
+        let output = RowsOutput { memory, threads, ..self.output() };
+        write_rows_and_levels(path, &self.rows()?, &self.level_rows()?, &output, observer)
+    }
+
+    /// Returns what the joined file holds beside the voxels, to be written by one thread.
+    pub fn output(&self) -> RowsOutput<'_> {
+        RowsOutput {
+            facts: self.manifest.facts(),
+            description: self.manifest.description(),
             lane_count: self.manifest.lanes,
-            memory,
-            threads,
-            levels: Levels::default(),
-        };
-        write_rows(path, &self.rows()?, &output, observer)
+            memory: None,
+            threads: 1,
+            levels: self.manifest.levels.into(),
+        }
     }
 }
 
@@ -240,13 +276,13 @@ fn checked(file: &AdjFile) -> Result<Checked> {
 
 /// What a manifest says of the content of a file.
 struct Content<'a> {
-    grid: Grid,
-    visible_voxels: u64,
+    facts: Facts,
+    levels: u8,
     fingerprint: Option<&'a str>,
 }
 
 /// Opens a brick or a preview, and compares it with what the manifest says of it.
-fn opened(path: &Path, content: &Content, manifest: &Manifest, limits: &Limits) -> Result<AdjFile> {
+fn opened(path: &Path, content: &Content, limits: &Limits) -> Result<AdjFile> {
     let wrong = |why: &str| Err(Error::input(path.display().to_string(), why));
     if std::fs::metadata(path).is_err_and(|fault| fault.kind() == std::io::ErrorKind::NotFound) {
         return wrong("is missing; copy it into the folder again, or build it again");
@@ -254,15 +290,18 @@ fn opened(path: &Path, content: &Content, manifest: &Manifest, limits: &Limits) 
     let file = AdjFile::open_with(path, limits)?;
     let arena = file.arena()?;
     let facts = arena.facts();
-    if (facts.channels, facts.scales) != (manifest.channels, manifest.scales) {
+    if (facts.channels, facts.scales) != (content.facts.channels, content.facts.scales) {
         return wrong("has other codes than the collection; build it again with the collection's plan");
     }
-    if facts.grid != content.grid {
+    if facts.grid != (Grid { unit: None, ..content.facts.grid.clone() }) {
         return wrong("has another grid than its place in the collection");
     }
     let number = fingerprint(arena.fingerprint());
-    if (facts.visible_voxels, Some(number.as_str())) != (content.visible_voxels, content.fingerprint) {
+    if (facts.visible_voxels, Some(number.as_str())) != (content.facts.visible_voxels, content.fingerprint) {
         return wrong("is of another build than the collection's manifest; build it again, or restore the old file");
+    }
+    if content.levels != 0 && arena.level_count() != content.levels {
+        return wrong("has other levels of detail than the collection; build it again with the collection's plan");
     }
     Ok(file)
 }

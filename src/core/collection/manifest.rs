@@ -7,7 +7,7 @@ use std::path::{Component, Path};
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
-use super::preview::preview_grid;
+use super::levels::{Level, allowed, levels_of};
 use super::{Partition, PreviewEntry};
 use crate::arena::layout::{Channels, Facts, Scales};
 use crate::arena::{Region, TileOrder};
@@ -44,6 +44,9 @@ pub struct Manifest {
     /// One to three partitions, each with all voxels: its bricks by ascending z, then y, then x of their boxes, which fill
     /// the grid.
     pub partitions: Vec<Vec<BrickEntry>>,
+    /// Number of coarser levels of detail in every brick and in the joined file.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub levels: u8,
     /// A file of the whole with fewer grid points; `None` if there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preview: Option<PreviewEntry>,
@@ -66,6 +69,11 @@ pub struct BrickEntry {
     pub fingerprint: Option<String>,
 }
 
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+fn is_zero(levels: &u8) -> bool {
+    *levels == 0
+}
+
 impl BrickEntry {
     /// Returns the brick's box in the whole.
     pub fn region(&self) -> Region {
@@ -79,13 +87,13 @@ pub(super) fn fingerprint(number: u64) -> String {
 }
 
 impl Manifest {
-    /// Creates the manifest of bricks with the codes of `facts`. `description` is the JSON text of the joined file.
+    /// Creates the manifest of bricks with the codes of `facts`, so many lanes, and so many coarser levels. `description` is the JSON text of the joined file.
     ///
     /// # Errors
     /// [`Error::Input`] if the description is no JSON, or the bricks do not fill the grid.
     pub(super) fn new(
         facts: &Facts,
-        lanes: u8,
+        [lanes, levels]: [u8; 2],
         description: &str,
         partitions: Vec<Vec<BrickEntry>>,
         preview: Option<PreviewEntry>,
@@ -102,6 +110,7 @@ impl Manifest {
             visible_voxels: partitions.iter().flatten().map(|brick| brick.visible_voxels).sum::<u64>()
                 / partitions.len().max(1) as u64,
             partitions,
+            levels,
             preview,
             description: described,
         };
@@ -185,7 +194,11 @@ impl Manifest {
             if preview.every < 2 {
                 return wrong(format!("the preview has every {}-th point, but must have less than all", preview.every));
             }
-            preview_grid(&self.grid, preview.every).check().map_err(|fault| Error::input(name, fault.to_string()))?;
+            if preview.level.is_some_and(|level| !(1..=self.levels).contains(&level)) {
+                return wrong(format!("has a preview of a level that is none of its {}", self.levels));
+            }
+            let grid = preview.facts(&self.facts()).grid;
+            grid.check().map_err(|fault| Error::input(name, fault.to_string()))?;
         }
         for bricks in &self.partitions {
             let voxels = bricks.iter().fold(0u64, |sum, brick| sum.saturating_add(brick.visible_voxels));
@@ -201,7 +214,16 @@ impl Manifest {
                 );
             }
         }
+        let levels = self.levels();
+        if levels.len() != usize::from(self.levels) || allowed(&self.cuts(), &levels) < levels.len() {
+            return wrong(format!("has {} levels of detail, which its grid or its bricks do not allow", self.levels));
+        }
         Ok(())
+    }
+
+    /// Returns the levels of the whole that bricks hold parts of.
+    pub(super) fn levels(&self) -> Vec<Level> {
+        levels_of(&self.facts(), self.levels)
     }
 
     /// Returns how each partition cuts the grid.

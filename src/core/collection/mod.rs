@@ -10,6 +10,7 @@
 
 mod bricks;
 mod joined;
+mod levels;
 mod manifest;
 mod partition;
 mod picture;

@@ -74,6 +74,23 @@ impl Partition {
         Ok([across(Axis::Z)?, across(Axis::Y)?, across(Axis::X)?])
     }
 
+    /// Returns the partition of the grid of which `factors` points along each axis become one.
+    ///
+    /// `None` if boxes share such points, or if a box is so thin that it would not be halved by itself.
+    pub(super) fn coarser(&self, factors: [u32; 3]) -> Option<Partition> {
+        let mut coarse = self.clone();
+        for (cuts, factor) in coarse.cuts.iter_mut().zip(factors) {
+            let (end, is_cut) = (*cuts.last()?, cuts.len() > 2);
+            let is_shared = cuts.iter().any(|&cut| cut != end && cut % factor != 0);
+            let is_thin = is_cut && cuts.windows(2).any(|ends| ends[1] - ends[0] < factor);
+            if is_shared || is_thin {
+                return None;
+            }
+            cuts.iter_mut().for_each(|cut| *cut = cut.div_ceil(factor));
+        }
+        Some(coarse)
+    }
+
     /// Returns whether no axis but `axis` is cut.
     pub(super) fn cuts_only(&self, axis: Axis) -> bool {
         axis.others().into_iter().all(|other| self.cuts[other.index()].len() == 2)

@@ -4,11 +4,17 @@
 //! cuts' axis; elsewhere splats that reach across a cut are composited a brick at a time (docs/clusters.md has
 //! the measured differences).
 
+use std::collections::BTreeSet;
+
+use super::levels::WholeLevels;
 use super::{Brick, Collection};
+use crate::arena::layout::Facts;
 use crate::arena::{Arena, Lane};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
+use crate::splat::camera::Projection;
 use crate::splat::camera::ToCamera;
+use crate::splat::levels::level_parts;
 use crate::splat::setup::walk_order;
 use crate::splat::{Camera, Frame, Lanes, Mode, Outline, Scene, Settings, Stats, View, cpu};
 use crate::traverse::VoxelBox;
@@ -67,10 +73,57 @@ impl Collection {
         let brick = &self.bricks()[index];
         let Some(file) = &brick.file else { return Ok(None) };
         let Some(crop) = cropped(settings.crop, brick.entry.low, brick.entry.size) else { return Ok(None) };
-        let lanes = BrickLanes(brick, file.arena()?);
-        let scene = Scene { facts: lanes.1.facts(), lanes: &lanes, transfer };
-        let settings = Settings { crop, ..settings.clone() };
+        let lanes = BrickLanes::new(brick, file.arena()?);
+        let scene = Scene { facts: lanes.arena.facts(), lanes: &lanes, transfer };
+        let level = self.level(transfer, camera, settings)?;
+        let settings = Settings { crop, level, ..settings.clone() };
         cpu::render(&scene, camera, &settings).map(Some)
+    }
+
+    /// Returns the level of detail that all bricks are drawn from; `None` if each is drawn from the levels that suit its distance
+    /// from the eye, as in perspective.
+    fn level(&self, transfer: &TransferFunction, camera: &Camera, settings: &Settings) -> Result<Option<usize>> {
+        let whole = WholeLevels(self.levels());
+        let scene = Scene { facts: &self.manifest().facts(), lanes: &whole, transfer };
+        if let Some(level) = settings.level {
+            if level > self.levels().len() {
+                let why = format!("is {level}, but the collection has levels 0 to {}", self.levels().len());
+                return Err(Error::input("level", why));
+            }
+            return Ok(Some(level));
+        }
+        if matches!(camera.projection(), Projection::Perspective { .. }) {
+            return Ok(None);
+        }
+        // A crop that leaves no block of the level leaves nothing to draw.
+        Ok(Some(level_parts(&scene, camera, settings)?.first().map_or(0, |part| part.level)))
+    }
+
+    /// Returns the levels of detail that a picture of all bricks shows, finest first; 0 for the voxels themselves.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the camera or the level cannot be used.
+    pub fn levels_drawn(
+        &self,
+        transfer: &TransferFunction,
+        camera: &Camera,
+        settings: &Settings,
+    ) -> Result<BTreeSet<usize>> {
+        let level = self.level(transfer, camera, settings)?;
+        if let Some(level) = level {
+            return Ok(BTreeSet::from([level]));
+        }
+        let mut drawn = BTreeSet::new();
+        for index in self.front_to_back(camera, settings)? {
+            let brick = &self.bricks()[index];
+            let crop = cropped(settings.crop, brick.entry.low, brick.entry.size);
+            let (Some(file), Some(crop)) = (&brick.file, crop) else { continue };
+            let lanes = BrickLanes::new(brick, file.arena()?);
+            let scene = Scene { facts: lanes.arena.facts(), lanes: &lanes, transfer };
+            let parts = level_parts(&scene, camera, &Settings { crop, level, ..settings.clone() })?;
+            drawn.extend(parts.into_iter().map(|part| part.level));
+        }
+        Ok(drawn)
     }
 
     /// Draws a picture brick by brick, on the processor; returns it with the sums of the bricks' counts and times.
@@ -118,12 +171,35 @@ impl Collection {
     }
 }
 
-/// The lanes of a brick with a file, stored or derived.
-struct BrickLanes<'a>(&'a Brick, Arena<'a>);
+/// The lanes of a brick with a file and of its levels, stored or derived.
+struct BrickLanes<'a> {
+    brick: &'a Brick,
+    arena: Arena<'a>,
+    levels: Vec<Facts>,
+}
+
+impl<'a> BrickLanes<'a> {
+    fn new(brick: &'a Brick, arena: Arena<'a>) -> BrickLanes<'a> {
+        BrickLanes { brick, arena, levels: brick.levels.iter().map(|(facts, _)| facts.clone()).collect() }
+    }
+}
 
 impl Lanes for BrickLanes<'_> {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
-        self.0.derived.lane(&self.1, axis)
+        self.brick.derived.lane(&self.arena, axis)
+    }
+
+    fn levels(&self) -> &[Facts] {
+        &self.levels
+    }
+
+    fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {
+        let Some(below) = level.checked_sub(1) else { return self.lane(axis) };
+        let arena = u8::try_from(level).ok().and_then(|level| self.arena.level(level));
+        match (arena, self.brick.levels.get(below)) {
+            (Some(arena), Some((_, derived))) => derived.lane(&arena, axis),
+            _ => Err(Error::input("level", format!("{level} is not in the brick"))),
+        }
     }
 }
 

@@ -18,12 +18,13 @@ use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::joined::RowsWithin;
+use super::levels::{Level, held, levels_of, rows_of, with_margin};
 use super::manifest::{Manifest, brick_description};
-use super::preview::{default_every, join_preview, remove_parts};
+use super::preview::{Choice, choice, join_level, join_preview, remove_parts};
 use super::split::BrickPlace;
 use super::{BrickEntry, Collection, Partition, PreviewEntry};
-use crate::arena::layout::Facts;
-use crate::arena::{Levels, Region};
+use crate::arena::layout::{Channels, Facts, Scales};
+use crate::arena::{Levels, Region, Rows};
 use crate::build::budget::Budget;
 use crate::build::builder::{keep_visible, survey};
 use crate::build::classified::ClassifiedRows;
@@ -33,7 +34,7 @@ use crate::build::encoder::{VoxelEncoder, nothing_visible};
 use crate::build::{BuildOptions, Observer, Resources, SampleSummary, UnnamedLabels};
 use crate::classify::WholeNumbers;
 use crate::error::{Error, Result};
-use crate::file::RowsOutput;
+use crate::file::{AdjFile, RowsOutput, levels_in_files};
 use crate::volume::{Grid, Header, SampleType, SlabSource};
 
 /// Most bricks that one message names.
@@ -125,6 +126,13 @@ impl Found {
     }
 }
 
+/// Counts the voxels of rows.
+fn count(rows: &dyn Rows) -> Result<u64> {
+    let mut voxels = 0;
+    rows.read(Region::of_grid(rows.dims()), &mut |_, _, found| voxels += found.len() as u64)?;
+    Ok(voxels)
+}
+
 fn join_option<T>(one: &mut Option<T>, other: Option<T>, join: impl Fn(&mut T, &T)) {
     match (one.as_mut(), other) {
         (Some(one), Some(other)) => join(one, &other),
@@ -146,15 +154,17 @@ impl Plan {
     /// Plans bricks of at most so many points along x, y, z (0 does not cut an axis) of the volume that `header` describes:
     /// `bricks` has a size for each partition, one to three.
     ///
+    /// Bricks hold levels of detail if the options ask for some: [`Levels::Auto`] for as many as are of use to the grid and have
+    /// all their blocks inside single bricks. A brick is then built from more samples around it, so that its levels are those of
+    /// the whole.
+    ///
     /// # Errors
-    /// [`Error::Input`] if an option or the grid is out of range; [`Error::Limit`] if there are more than a million bricks.
+    /// [`Error::Input`] if an option or the grid is out of range, or if cuts divide blocks of the levels; [`Error::Limit`] if there are more than a million bricks.
     pub fn new(header: &Header, options: BuildOptions, bricks: &[[u32; 3]]) -> Result<Plan> {
         let Header { grid, sample_type, slope, intercept, name, format } = header.clone();
         let (format, bricks, found) = (format.into(), bricks.to_vec(), Found::default());
         let preview = None;
-        let plan = Plan { grid, sample_type, slope, intercept, name, format, options, bricks, preview, found };
-        plan.check()?;
-        Ok(plan)
+        Plan { grid, sample_type, slope, intercept, name, format, options, bricks, preview, found }.checked_plan()
     }
 
     /// Sets that the collection's preview has every `every`-th grid point along each axis; with 1 it has none.
@@ -164,17 +174,35 @@ impl Plan {
         Plan { preview: Some(every.max(1)), ..self }
     }
 
-    fn check(&self) -> Result<()> {
+    /// Returns the plan with the number of levels that its bricks hold.
+    fn checked_plan(mut self) -> Result<Plan> {
         self.options.check()?;
-        if !self.options.levels.is_none() {
-            let why = "are not stored in bricks; make them in the joined file, with adj trim --levels";
-            return Err(Error::input("levels of detail", why));
-        }
         self.grid.check()?;
         if !(1..=3).contains(&self.bricks.len()) {
             return Err(Error::input("plan", format!("has {} partitions, but there are 1 to 3", self.bricks.len())));
         }
-        self.partitions().map(|_| ())
+        let levels = held(self.options.levels, &self.outline(), &self.partitions()?)?;
+        self.options.levels = levels.into();
+        Ok(self)
+    }
+
+    /// Returns the levels of the whole; codes and voxels of their facts are not known yet.
+    fn levels(&self) -> Vec<Level> {
+        let most = if let Levels::Count(count) = self.options.levels { count } else { 0 };
+        levels_of(&self.outline(), most)
+    }
+
+    /// Returns the number of coarser levels of detail that bricks hold.
+    pub fn level_count(&self) -> usize {
+        self.levels().len()
+    }
+
+    /// Returns facts of which only the grid is known.
+    fn outline(&self) -> Facts {
+        let channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0 };
+        let scales = Scales { value_low: 0.0, value_step: 0.0, magnitude_scale: 0.0 };
+        let tile_order = self.options.tile_order;
+        Facts { grid: self.grid.clone(), channels, scales, tile_order, visible_voxels: 0 }
     }
 
     /// Reads a plan from the JSON text that [`Plan::to_json`] returned.
@@ -183,8 +211,7 @@ impl Plan {
     /// [`Error::Input`] if it is none.
     pub fn from_json(text: &str) -> Result<Plan> {
         let plan: Plan = serde_json::from_str(text).map_err(|error| Error::input("plan", error.to_string()))?;
-        plan.check()?;
-        Ok(plan)
+        plan.checked_plan()
     }
 
     /// Returns the plan as a JSON text.
@@ -206,17 +233,22 @@ impl Plan {
         self.bricks.iter().map(|&size| Partition::into_boxes(self.grid.dims, size)).collect()
     }
 
-    /// Returns the box of samples that brick `index` is built from: its own, and those around it that gradients need.
+    /// Returns the box of samples that brick `index` is built from: its own, and those around it that gradients and levels need.
     ///
     /// # Errors
     /// [`Error::Input`] if there is no such brick.
     pub fn samples_of(&self, index: usize) -> Result<Region> {
-        let (region, ghosts) = (self.region(index)?, self.options.ghosts());
+        let (region, ghosts) = (self.with_margin(&self.region(index)?), self.options.ghosts());
         let side = |a: usize| {
             let side = region.sides()[a];
             side.start.saturating_sub(ghosts)..side.end.saturating_add(ghosts).min(self.grid.dims[a])
         };
         Ok(Region { xs: side(0), ys: side(1), zs: side(2) })
+    }
+
+    /// Returns the box of voxels that the levels of the brick in `region` are made of.
+    fn with_margin(&self, region: &Region) -> Region {
+        with_margin(region, self.grid.dims, &self.levels())
     }
 
     fn region(&self, index: usize) -> Result<Region> {
@@ -397,19 +429,36 @@ impl Plan {
         let region = &place.region;
         let budget = Budget::new(&header, &self.options, resources, source.buffer_bytes())?;
         let largest = self.found.largest_magnitude;
-        let (spill, _) = keep_visible(source, &header, &kept, &self.options, largest, &budget, resources, observer)?;
-        let voxels = spill.voxels;
-        let facts = Facts { grid: region.grid(&self.grid), visible_voxels: voxels, ..self.facts(&encoder) };
-        let description = brick_description(&self.description(&encoder, &loss)?, region, self.grid.dims);
-        let rows = ClassifiedRows { spill, encoder };
-        let rows = RowsWithin { rows: &rows, within: kept };
+        let (low, wide) = (self.samples_of(index)?.low(), self.with_margin(region));
+        let around = wide.seen_from(low);
+        let (spill, _) = keep_visible(source, &header, &around, &self.options, largest, &budget, resources, observer)?;
+        let (all, whole) = (self.facts(&encoder), self.description(&encoder, &loss)?);
+        let all_rows = ClassifiedRows { spill, encoder };
+        let rows = RowsWithin { rows: &all_rows, within: kept };
+        let voxels = if around == rows.within { all_rows.spill.voxels } else { count(&rows)? };
+        let facts = Facts { grid: region.grid(&self.grid), visible_voxels: voxels, ..all };
+        let description = brick_description(&whole, region, self.grid.dims);
         let Resources { memory, threads, .. } = *resources;
         let lane_count = self.options.lane_count;
         let output =
             RowsOutput { facts, description: &description, lane_count, memory, threads, levels: Levels::default() };
-        place.write(folder, &rows, voxels, &output, observer)?;
-        let every = self.preview_step();
-        if place.partition == 0 && every > 1 {
+        let levels = self.levels();
+        let mut files: Vec<AdjFile> = Vec::new();
+        if voxels > 0 && !levels.is_empty() {
+            let facts = Facts { grid: wide.grid(&self.grid), ..output.facts.clone() };
+            let levels = self.options.levels;
+            let output = RowsOutput { facts, description: &whole, lane_count: 1, levels, ..output.clone() };
+            let rows = RowsWithin { rows: &all_rows, within: around };
+            files = levels_in_files(folder, &rows, &output, observer)?;
+        }
+        let mut of_levels = Vec::new();
+        for (level, file) in levels.iter().zip(&files) {
+            let place = level.place(region).seen_from(level.place(&wide).low());
+            of_levels.push(rows_of(&file.arena()?, 0, Some(&place))?);
+        }
+        place.write(folder, &rows, voxels, &of_levels, &output, observer)?;
+        // A preview that may be a level is made of the bricks.
+        if let (0, Choice::EveryNth(every)) = (place.partition, self.preview_choice(|_| 0)) {
             place.write_preview(folder, &rows, every, &self.grid, &output, observer)?;
         }
         Ok(voxels)
@@ -426,10 +475,11 @@ impl Plan {
             return Err(Error::input(folder.display().to_string(), "is no folder; build the bricks into one first"));
         }
         let facts = self.facts(&encoder);
+        let levels = u8::try_from(self.level_count()).expect("at most 15");
         let mut all = Vec::new();
         let mut first = 0;
         for (number, partition) in self.partitions()?.iter().enumerate() {
-            let found = |region| BrickPlace { partition: number, region }.found(folder, &facts);
+            let found = |region| BrickPlace { partition: number, region }.found(folder, &facts, levels);
             let entries = partition.boxes().map(found).collect::<Result<Vec<_>>>()?;
             let voxels: u64 = entries.iter().map(|entry| entry.visible_voxels).sum();
             if voxels != facts.visible_voxels {
@@ -450,7 +500,7 @@ impl Plan {
         }
         let description = self.description(&encoder, &loss)?;
         let preview = self.preview(folder, &facts, &description, &all, observer)?;
-        let manifest = Manifest::new(&facts, self.options.lane_count, &description, all, preview)?;
+        let manifest = Manifest::new(&facts, [self.options.lane_count, levels], &description, all, preview)?;
         manifest.write(folder)?;
         remove_parts(folder, self.partitions()?[0].boxes())?;
         let collection = Collection::open(folder)?;
@@ -467,25 +517,42 @@ impl Plan {
         bricks: &[Vec<BrickEntry>],
         observer: &mut dyn Observer,
     ) -> Result<Option<PreviewEntry>> {
-        let every = self.preview_step();
-        if every == 1 {
+        let levels = levels_of(facts, u8::try_from(self.level_count()).expect("at most 15"));
+        let mut voxels = vec![0; levels.len()];
+        for file in bricks[0].iter().filter_map(|entry| entry.file.as_ref()) {
+            let file = AdjFile::open(&folder.join(file))?;
+            let arena = file.arena()?;
+            for (number, voxels) in (1..).zip(&mut voxels) {
+                *voxels += arena.level(number).map_or(0, |level| level.facts().visible_voxels);
+            }
+        }
+        let choice = self.preview_choice(|number| voxels[usize::from(number) - 1]);
+        if choice == Choice::None {
             return Ok(None);
         }
         let old = Collection::open(folder).ok();
         let finished = old.filter(|old| old.manifest().partitions == bricks && old.preview().is_some());
-        if let Some(preview) = finished.and_then(|old| old.manifest().preview.clone().filter(|it| it.every == every)) {
+        let is_chosen = |it: &PreviewEntry| match it.level {
+            Some(level) => choice == Choice::Level(level),
+            None => choice == Choice::EveryNth(it.every),
+        };
+        if let Some(preview) = finished.and_then(|old| old.manifest().preview.clone().filter(is_chosen)) {
             return Ok(Some(preview));
         }
         let (lane_count, memory, threads) = (self.options.lane_count, None, 1);
         let output =
             RowsOutput { facts: facts.clone(), description, lane_count, memory, threads, levels: Levels::default() };
-        join_preview(folder, &bricks[0], every, &output, observer)
+        match choice {
+            Choice::Level(number) => join_level(folder, &bricks[0], &levels, number, &output, observer),
+            Choice::EveryNth(every) => join_preview(folder, &bricks[0], every, &output, observer),
+            Choice::None => Ok(None),
+        }
     }
 
-    /// Returns how many grid points along each axis a voxel of the preview stands for; 1 if there is to be none.
-    fn preview_step(&self) -> u32 {
+    /// Returns what the preview is, given how many voxels a level has.
+    fn preview_choice(&self, voxels_of: impl Fn(u8) -> u64) -> Choice {
         let voxels = self.found.samples.map_or(0, |samples| samples.visible_voxels);
-        self.preview.unwrap_or_else(|| default_every(voxels)).max(1)
+        choice(self.preview, voxels, &self.levels(), voxels_of)
     }
 
     /// Returns the statistics of all samples, for warnings.

@@ -1,5 +1,7 @@
 //! The preview of a collection: every n-th grid point along each axis, as one `.adj` file that fits any machine.
 //!
+//! Where bricks hold levels of detail, it is one of these instead, joined.
+//!
 //! In: the rows of each brick, when it is written. Out: a part of the preview for each brick; at the end the parts are
 //! joined. Which points are kept depends on their place in the whole alone, so the preview does not depend on the bricks.
 //! Every kept voxel stands for the n x n x n points around it: spacings are n times as long, and opacities still refer to
@@ -12,15 +14,16 @@ use serde_json::{Value, json};
 
 use super::BrickEntry;
 use super::joined::JoinedRows;
+use super::levels::{Level, levels_of, rows_of};
 use super::manifest::fingerprint;
 use super::split::BrickPlace;
 use crate::arena::layout::{Channels, Facts};
-use crate::arena::{LaneRows, Region, Rows, Voxel};
+use crate::arena::{Levels, Region, Rows, Voxel};
 use crate::build::Observer;
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::file::{AdjFile, RowsOutput, write_rows};
-use crate::volume::{Axis, Grid};
+use crate::volume::Grid;
 
 /// The name of the preview's file in a collection's folder.
 const PREVIEW: &str = "preview.adj";
@@ -32,8 +35,12 @@ const VOXELS: u64 = 1 << 24;
 pub struct PreviewEntry {
     /// The preview's file in the collection's folder.
     pub file: String,
-    /// The preview has every so many grid points along each axis, from the first on.
+    /// The preview has every so many grid points along each axis, from the first on; of a level, the most points along an axis
+    /// that one of it stands for.
     pub every: u32,
+    /// The level of detail of the whole that the preview is; `None` if it has every n-th point.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub level: Option<u8>,
     /// Number of visible voxels of the preview.
     pub visible_voxels: u64,
     /// Fingerprint of the file: the checksum of its header and section table, as 16 hexadecimal digits.
@@ -46,8 +53,58 @@ pub(super) fn default_every(visible_voxels: u64) -> u32 {
     (1..=u16::MAX.into()).find(fits).unwrap_or(u16::MAX.into())
 }
 
+impl PreviewEntry {
+    /// Returns what the header of the preview's file says, given that of the whole; the number of voxels is the preview's.
+    pub(super) fn facts(&self, whole: &Facts) -> Facts {
+        let of_level = self.level.and_then(|level| levels_of(whole, level).pop());
+        let facts = match of_level {
+            Some(level) => level.facts,
+            None => Facts { grid: preview_grid(&whole.grid, self.every), ..whole.clone() },
+        };
+        Facts { visible_voxels: self.visible_voxels, ..facts }
+    }
+}
+
+/// What a preview shows of the whole, and with how many grid points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Choice {
+    /// None is made.
+    None,
+    /// Every n-th point.
+    EveryNth(u32),
+    /// One of the levels, from 1.
+    Level(u8),
+}
+
+/// Chooses the preview of a whole of so many voxels; with `every` it has so many points of the whole for one along an axis, by
+/// default at most 2^24 voxels. `voxels_of` counts the voxels of a level, from 1.
+///
+/// A level is preferred to every n-th point: it shows all voxels, as means.
+pub(super) fn choice(
+    every: Option<u32>,
+    visible_voxels: u64,
+    levels: &[Level],
+    voxels_of: impl Fn(u8) -> u64,
+) -> Choice {
+    let wanted = every.unwrap_or_else(|| default_every(visible_voxels)).max(1);
+    let fits = |(number, level): &(u8, &Level)| match every {
+        Some(every) => points(level) == every,
+        None => voxels_of(*number) <= VOXELS,
+    };
+    match (1..).zip(levels).find(fits) {
+        _ if wanted == 1 => Choice::None,
+        Some((number, _)) => Choice::Level(number),
+        None => Choice::EveryNth(wanted),
+    }
+}
+
+/// Returns the most points of the whole along an axis that one of a level stands for.
+fn points(level: &Level) -> u32 {
+    level.factors.into_iter().fold(1, u32::max)
+}
+
 /// Returns the grid of every `every`-th point of `whole`.
-pub(super) fn preview_grid(whole: &Grid, every: u32) -> Grid {
+fn preview_grid(whole: &Grid, every: u32) -> Grid {
     Grid {
         dims: whole.dims.map(|points| points.div_ceil(every)),
         spacing: whole.spacing.map(|spacing| spacing * f64::from(every)),
@@ -65,7 +122,7 @@ fn part_of(brick: &Region, every: u32) -> Region {
 }
 
 /// Returns the description of a preview: that of the whole, whose lengths stay those of the whole's voxels.
-fn description(whole: &str, grid: &Grid, every: u32) -> String {
+fn description(whole: &str, grid: &Grid, every: u32, level: Option<u8>) -> String {
     let mut description: Value = serde_json::from_str(whole).unwrap_or(Value::Null);
     if !description.is_object() {
         description = json!({});
@@ -84,6 +141,9 @@ fn description(whole: &str, grid: &Grid, every: u32) -> String {
         description["transfer_function"] = json!(function);
     }
     description["preview"] = json!({ "every": every, "of": grid.dims });
+    if let Some(level) = level {
+        description["preview"]["level"] = json!(level);
+    }
     description.to_string()
 }
 
@@ -178,7 +238,12 @@ impl BrickPlace {
         }
         let facts =
             Facts { grid: part.grid(&preview_grid(whole, every)), visible_voxels: voxels, ..output.facts.clone() };
-        write_rows(&path, &rows, &RowsOutput { facts, description: "{}", lane_count: 1, ..*output }, observer)?;
+        write_rows(
+            &path,
+            &rows,
+            &RowsOutput { facts, description: "{}", lane_count: 1, levels: Levels::default(), ..output.clone() },
+            observer,
+        )?;
         Ok(())
     }
 }
@@ -235,19 +300,56 @@ pub(super) fn join_preview(
     }
     bricks.sort_by_key(|(place, _)| (place.zs.start, place.ys.start, place.xs.start));
     let rows = JoinedRows { dims: grid.dims, channels: whole.channels, bricks };
-    let description = description(output.description, &whole.grid, every);
-    let path = folder.join(PREVIEW);
     let facts = Facts { grid, ..whole.clone() };
-    let (facts, _) = write_rows(&path, &rows, &RowsOutput { facts, description: &description, ..*output }, observer)?;
+    write(folder, &rows, facts, every, None, output, observer).map(Some)
+}
+
+/// Joins a level of `bricks` in `folder` to the file of the preview; `None` if no brick has voxels. `output` and its facts are
+/// those of the joined file of all voxels, `number` is the level's of `levels`.
+pub(super) fn join_level(
+    folder: &Path,
+    bricks: &[BrickEntry],
+    levels: &[Level],
+    number: u8,
+    output: &RowsOutput,
+    observer: &mut dyn Observer,
+) -> Result<Option<PreviewEntry>> {
+    let level = &levels[usize::from(number) - 1];
+    let files = bricks.iter().filter_map(|entry| Some((entry.region(), entry.file.as_ref()?)));
+    let files = files.map(|(region, file)| Ok((region, AdjFile::open(&folder.join(file))?)));
+    let files = files.collect::<Result<Vec<_>>>()?;
+    let parts = files.iter().map(|(region, file)| Ok((level.place(region), rows_of(&file.arena()?, number, None)?)));
+    let parts = parts.collect::<Result<Vec<_>>>()?;
+    if parts.is_empty() {
+        return Ok(None);
+    }
+    let facts = level.facts.clone();
+    let rows = JoinedRows { dims: facts.grid.dims, channels: facts.channels, bricks: parts };
+    write(folder, &rows, facts, points(level), Some(number), output, observer).map(Some)
+}
+
+/// Writes `rows` with `facts` as the file of the preview.
+fn write(
+    folder: &Path,
+    rows: &dyn Rows,
+    facts: Facts,
+    every: u32,
+    level: Option<u8>,
+    output: &RowsOutput,
+    observer: &mut dyn Observer,
+) -> Result<PreviewEntry> {
+    let description = description(output.description, &output.facts.grid, every, level);
+    let path = folder.join(PREVIEW);
+    let output = RowsOutput { facts, description: &description, levels: Levels::default(), ..output.clone() };
+    let (facts, _) = write_rows(&path, rows, &output, observer)?;
     let number = AdjFile::open(&path)?.arena()?.fingerprint();
     let (visible_voxels, fingerprint) = (facts.visible_voxels, fingerprint(number));
-    Ok(Some(PreviewEntry { file: PREVIEW.into(), every, visible_voxels, fingerprint }))
+    Ok(PreviewEntry { file: PREVIEW.into(), every, level, visible_voxels, fingerprint })
 }
 
 /// Returns the rows of a file.
 fn lane_rows(file: &AdjFile) -> Result<Box<dyn Rows + '_>> {
-    let lane = file.arena()?.lane(Axis::X).expect("every arena that opens has the lane along x");
-    Ok(Box::new(LaneRows::new(lane, |_, _, record| Some(record))))
+    rows_of(&file.arena()?, 0, None)
 }
 
 /// Opens a file that may be absent.

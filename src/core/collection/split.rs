@@ -2,20 +2,22 @@
 
 use std::path::Path;
 
+use super::levels::{Level, allowed, levels_of, rows_of};
 use super::manifest::{BrickEntry, Manifest, brick_description, fingerprint};
-use super::preview::{default_every, join_preview, remove_if_there, remove_parts};
+use super::preview::{Choice, choice, join_level, join_preview, remove_if_there, remove_parts};
 use super::{Collection, Partition};
 use crate::arena::layout::Facts;
 use crate::arena::{Arena, LaneRows, Levels, Region, Rows};
 use crate::build::Observer;
 use crate::build::progress::{Phase, report};
 use crate::error::{Error, Result};
-use crate::file::{AdjFile, RowsOutput, write_folder_atomically, write_rows};
+use crate::file::{AdjFile, RowsOutput, write_folder_atomically, write_rows_and_levels};
 use crate::volume::{Axis, Grid};
 
 /// Writes the voxels of `arena` as a collection at `path`, with a brick for each box of each of `partitions`, one to three.
 ///
-/// Bricks hold no coarser levels of detail: those of `arena` are left out.
+/// Bricks hold the parts of the file's coarser levels of detail whose blocks no cut divides; the levels from the first that a cut
+/// divides on are left out.
 ///
 /// Its preview has every `preview`-th grid point along each axis; with 1 it has none. By default it has at most 2^24 voxels,
 /// and none if the whole has no more.
@@ -40,7 +42,13 @@ pub fn split(
     let text = std::str::from_utf8(arena.description()).unwrap_or_default();
     let lane_count = u8::try_from(arena.lanes().count()).expect("there are three axes");
     let lane = arena.lane(Axis::X).expect("every arena that opens has the lane along x");
-    let every = preview.unwrap_or_else(|| default_every(whole.visible_voxels)).max(1);
+    let mut levels = levels_of(whole, arena.level_count());
+    levels.truncate(allowed(partitions, &levels));
+    let level_count = u8::try_from(levels.len()).expect("at most 15");
+    let voxels_of = |number| arena.level(number).map_or(0, |level| level.facts().visible_voxels);
+    let preview = choice(preview, whole.visible_voxels, &levels, voxels_of);
+    let all_voxels =
+        RowsOutput { facts: whole.clone(), description: text, lane_count, memory, threads, levels: Levels::default() };
     let total = partitions.iter().map(|partition| partition.len() as u64).sum();
     write_folder_atomically(&|| false, path, |folder| {
         let (mut written, mut all) = (0, Vec::new());
@@ -54,40 +62,30 @@ pub fn split(
                 rows.read(Region::of_grid(rows.dims()), &mut |_, _, found| voxels += found.len() as u64)?;
                 let facts = Facts { grid: region.grid(&whole.grid), visible_voxels: voxels, ..whole.clone() };
                 let description = brick_description(text, &region, whole.grid.dims);
-                let output = RowsOutput {
-                    facts,
-                    description: &description,
-                    lane_count,
-                    memory,
-                    threads,
-                    levels: Levels::default(),
-                };
+                let output = RowsOutput { facts, description: &description, ..all_voxels.clone() };
+                let of_level = |(number, level): (u8, &Level)| rows_of(arena, number, Some(&level.place(&region)));
+                let levels = (1..).zip(&levels).map(of_level).collect::<Result<Vec<_>>>()?;
                 let place = BrickPlace { partition: number, region };
-                place.write(folder, &rows, voxels, &output, observer)?;
-                if number == 0 && every > 1 {
+                place.write(folder, &rows, voxels, &levels, &output, observer)?;
+                if let (0, Choice::EveryNth(every)) = (number, preview) {
                     place.write_preview(folder, &rows, every, &whole.grid, &output, observer)?;
                 }
-                bricks.push(place.found(folder, whole)?);
+                bricks.push(place.found(folder, whole, level_count)?);
             }
             all.push(bricks);
         }
-        let preview = match (partitions.first(), all.first()) {
-            (Some(first), Some(bricks)) if every > 1 => {
-                let output = RowsOutput {
-                    facts: whole.clone(),
-                    description: text,
-                    lane_count,
-                    memory,
-                    threads,
-                    levels: Levels::default(),
-                };
-                let preview = join_preview(folder, bricks, every, &output, observer)?;
+        let preview = match (partitions.first(), all.first(), preview) {
+            (Some(first), Some(bricks), Choice::EveryNth(every)) => {
+                let preview = join_preview(folder, bricks, every, &all_voxels, observer)?;
                 remove_parts(folder, first.boxes())?;
                 preview
             }
+            (_, Some(bricks), Choice::Level(number)) => {
+                join_level(folder, bricks, &levels, number, &all_voxels, observer)?
+            }
             _ => None,
         };
-        Manifest::new(whole, lane_count, text, all, preview)?.write(folder)
+        Manifest::new(whole, [lane_count, level_count], text, all, preview)?.write(folder)
     })?;
     Collection::open(path)
 }
@@ -99,12 +97,13 @@ pub(super) struct BrickPlace {
 }
 
 impl BrickPlace {
-    /// Writes a brick of `voxels` visible voxels into `folder`; none if there are no voxels.
+    /// Writes a brick of `voxels` visible voxels, with `levels` from level 1 on, into `folder`; none if there are no voxels.
     pub(super) fn write(
         &self,
         folder: &Path,
         rows: &dyn Rows,
         voxels: u64,
+        levels: &[Box<dyn Rows + '_>],
         output: &RowsOutput,
         observer: &mut dyn Observer,
     ) -> Result<()> {
@@ -112,15 +111,15 @@ impl BrickPlace {
         if voxels == 0 {
             return remove_if_there(&path);
         }
-        write_rows(&path, rows, output, observer).map(|_| ())
+        write_rows_and_levels(&path, rows, levels, output, observer).map(|_| ())
     }
 
     /// Returns the entry of the brick that was written into `folder`; one without voxels if there is none. `whole` are the facts
-    /// of the joined file.
+    /// of the joined file, `levels` is its number of levels.
     ///
     /// # Errors
     /// [`Error::Input`] if the file has another place or other codes; the errors of [`AdjFile::open`].
-    pub(super) fn found(&self, folder: &Path, whole: &Facts) -> Result<BrickEntry> {
+    pub(super) fn found(&self, folder: &Path, whole: &Facts, levels: u8) -> Result<BrickEntry> {
         let (low, size, file) = (self.region.low(), self.region.size(), self.file());
         let path = folder.join(&file);
         if !path.exists() {
@@ -130,7 +129,8 @@ impl BrickPlace {
         let arena = brick.arena()?;
         let Facts { grid, channels, scales, visible_voxels, .. } = arena.facts().clone();
         let place = Grid { unit: None, ..self.region.grid(&whole.grid) };
-        if (grid, channels, scales) != (place, whole.channels, whole.scales) {
+        let is_of_plan = (grid, channels, scales) == (place, whole.channels, whole.scales);
+        if !is_of_plan || arena.level_count() != levels {
             return Err(Error::input(path.display().to_string(), "is of another plan; build this brick again"));
         }
         let number = arena.fingerprint();

@@ -92,7 +92,7 @@ fn with_rows<M: Made>(level: Option<&M>, rows: &dyn Rows, make: impl FnOnce(&dyn
 }
 
 /// Returns the levels of a file of `rows`, each in a file without a name in `folder`.
-pub(super) fn levels_in_files(
+pub(crate) fn levels_in_files(
     folder: &Path,
     rows: &dyn Rows,
     output: &RowsOutput,
@@ -103,18 +103,28 @@ pub(super) fn levels_in_files(
     let held = limit.map_or(0, |limit| limit + output.threads.max(1) as u64 * IN_FLIGHT);
     let memory = output.memory.map(|memory| memory.saturating_sub(held));
     let write = &mut |rows: &dyn Rows, facts: &Facts, lane_count: u8, observer: &mut dyn Observer| {
-        let file: File = unnamed(folder)?;
-        let (facts, levels) = (facts.clone(), Levels::default());
-        let output =
-            RowsOutput { facts, description: DESCRIPTION, lane_count, memory, threads: output.threads, levels };
-        write_rows_to(&file, folder, folder, rows, &output, observer)?;
-        let level = AdjFile::of(&file, folder, &Limits::default())?;
+        let level = in_file(folder, rows, facts, &RowsOutput { lane_count, memory, ..output.clone() }, observer)?;
         match limit {
             Some(limit) => level.keep_resident_below(limit),
             None => Ok(level),
         }
     };
     levels(rows, output, observer, write)
+}
+
+/// Writes `rows` as a level to a file without a name in `folder`.
+fn in_file(
+    folder: &Path,
+    rows: &dyn Rows,
+    facts: &Facts,
+    output: &RowsOutput,
+    observer: &mut dyn Observer,
+) -> Result<AdjFile> {
+    let file: File = unnamed(folder)?;
+    let (facts, levels) = (facts.clone(), Levels::default());
+    let output = RowsOutput { facts, description: DESCRIPTION, levels, ..output.clone() };
+    write_rows_to(&file, folder, folder, rows, &output, observer)?;
+    AdjFile::of(&file, folder, &Limits::default())
 }
 
 /// Returns the bytes of the levels of a file of `rows`.
@@ -124,11 +134,60 @@ pub(super) fn levels_in_memory(
     observer: &mut dyn Observer,
 ) -> Result<Vec<Vec<u8>>> {
     let write = &mut |rows: &dyn Rows, facts: &Facts, lane_count: u8, observer: &mut dyn Observer| {
-        let lanes = lanes_of(rows, facts, lane_count, output.threads, observer)?;
-        let visible_voxels = lanes[0].steps.iter().filter(|&&step| step != 0).count() as u64;
-        Ok(arena_bytes(&Facts { visible_voxels, ..facts.clone() }, &lanes, DESCRIPTION))
+        in_memory(rows, facts, lane_count, output.threads, observer)
     };
     levels(rows, output, observer, write)
+}
+
+/// Returns the bytes of `rows` as a level.
+fn in_memory(
+    rows: &dyn Rows,
+    facts: &Facts,
+    lane_count: u8,
+    threads: usize,
+    observer: &mut dyn Observer,
+) -> Result<Vec<u8>> {
+    let lanes = lanes_of(rows, facts, lane_count, threads, observer)?;
+    let visible_voxels = lanes[0].steps.iter().filter(|&&step| step != 0).count() as u64;
+    Ok(arena_bytes(&Facts { visible_voxels, ..facts.clone() }, &lanes, DESCRIPTION))
+}
+
+/// Returns levels that are there already, from level 1 on, as files without a name in `folder`.
+pub(super) fn given_levels_in_files(
+    folder: &Path,
+    levels: &[Box<dyn Rows + '_>],
+    output: &RowsOutput,
+    observer: &mut dyn Observer,
+) -> Result<Vec<AdjFile>> {
+    given(levels, output, observer, |rows, facts, observer| in_file(folder, rows, facts, output, observer))
+}
+
+/// Returns the bytes of levels that are there already, from level 1 on.
+pub(super) fn given_levels_in_memory(
+    levels: &[Box<dyn Rows + '_>],
+    output: &RowsOutput,
+    observer: &mut dyn Observer,
+) -> Result<Vec<Vec<u8>>> {
+    given(levels, output, observer, |rows, facts, observer| {
+        in_memory(rows, facts, output.lane_count, output.threads, observer)
+    })
+}
+
+/// Writes each of `levels` with `write`, which receives the facts that it has above a file of `output`.
+fn given<M>(
+    levels: &[Box<dyn Rows + '_>],
+    output: &RowsOutput,
+    observer: &mut dyn Observer,
+    mut write: impl FnMut(&dyn Rows, &Facts, &mut dyn Observer) -> Result<M>,
+) -> Result<Vec<M>> {
+    let mut facts = output.facts.clone();
+    let mut written = Vec::new();
+    for (number, rows) in (1..).zip(levels) {
+        let Some((coarser, _)) = level_facts(&facts) else { break };
+        written.push(write(&**rows, &coarser, &mut LevelObserver { observer, number })?);
+        facts = coarser;
+    }
+    Ok(written)
 }
 
 /// Tells an observer that lanes are those of a level.

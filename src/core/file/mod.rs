@@ -12,6 +12,7 @@ mod write;
 pub use atomic::{check_writable, scratch_folder, write_atomically, write_atomically_unless};
 pub use atomic_folder::write_folder_atomically;
 pub use atomic_temporary::abandon_writes;
+pub(crate) use levels::levels_in_files;
 pub use map::AdjFile;
-pub(crate) use write::bytes_of_rows;
 pub use write::{RowsOutput, arena_bytes, open_rows, write_rows};
+pub(crate) use write::{bytes_of_rows, bytes_of_rows_and_levels, write_rows_and_levels};

@@ -13,7 +13,7 @@ use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
 use super::atomic::{scratch_folder, write_file_atomically};
 use super::atomic_temporary::unnamed;
-use super::levels::{levels_in_files, levels_in_memory};
+use super::levels::{given_levels_in_files, given_levels_in_memory, levels_in_files, levels_in_memory};
 use super::map::AdjFile;
 use super::sections::SectionFile;
 use crate::arena::lane::stored_line_ends;
@@ -76,6 +76,7 @@ fn lane_entries(facts: &Facts, axis: Axis) -> [Option<SectionEntry>; 7] {
 }
 
 /// Tells [`write_rows`] what to write beside the voxels, and which resources it may use.
+#[derive(Clone)]
 pub struct RowsOutput<'a> {
     /// Contents of the file's header; the number of visible voxels is replaced by a new count.
     pub facts: Facts,
@@ -101,6 +102,18 @@ pub(crate) fn bytes_of_rows(rows: &dyn Rows, output: &RowsOutput, observer: &mut
     Ok(bytes_with_levels(&output.facts, &lanes, output.description, &levels))
 }
 
+/// Returns the bytes of an `.adj` file like [`bytes_of_rows`], whose levels have the voxels of `levels`, from level 1 on.
+pub(crate) fn bytes_of_rows_and_levels(
+    rows: &dyn Rows,
+    levels: &[Box<dyn Rows + '_>],
+    output: &RowsOutput,
+    observer: &mut dyn Observer,
+) -> Result<Vec<u8>> {
+    let levels = given_levels_in_memory(levels, output, observer)?;
+    let lanes = lanes_of(rows, &output.facts, output.lane_count, output.threads, observer)?;
+    Ok(bytes_with_levels(&output.facts, &lanes, output.description, &levels))
+}
+
 /// Writes the voxels of `rows` to an `.adj` file, with bounded memory. Returns its header facts and length in bytes.
 ///
 /// The bytes of the file do not depend on memory or threads.
@@ -115,8 +128,36 @@ pub fn write_rows(
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<(Facts, u64)> {
+    write_file(path, observer, |file, observer| {
+        write_rows_to(file, path, &scratch_folder(path)?, rows, output, observer)
+    })
+}
+
+/// Writes an `.adj` file like [`write_rows`], whose levels have the voxels of `levels`, from level 1 on.
+///
+/// # Errors
+/// The same as [`write_rows`].
+pub(crate) fn write_rows_and_levels(
+    path: &Path,
+    rows: &dyn Rows,
+    levels: &[Box<dyn Rows + '_>],
+    output: &RowsOutput,
+    observer: &mut dyn Observer,
+) -> Result<(Facts, u64)> {
+    write_file(path, observer, |file, observer| {
+        Limits::check_description(output.description)?;
+        let levels = given_levels_in_files(&scratch_folder(path)?, levels, output, observer)?;
+        write_sections(file, path, levels, rows, output, observer)
+    })
+}
+
+fn write_file(
+    path: &Path,
+    observer: &mut dyn Observer,
+    write: impl FnOnce(&File, &mut dyn Observer) -> Result<(Facts, u64)>,
+) -> Result<(Facts, u64)> {
     write_file_atomically(path, |file| {
-        let written = write_rows_to(file, path, &scratch_folder(path)?, rows, output, observer)?;
+        let written = write(file, observer)?;
         // Flushing takes long enough for the user to change their mind.
         file.sync_all().map_err(Error::io("write", path))?;
         report(observer, Phase::Flush, 1, 1)?;
@@ -147,6 +188,18 @@ pub(super) fn write_rows_to(
 ) -> Result<(Facts, u64)> {
     Limits::check_description(output.description)?;
     let levels = levels_in_files(folder, rows, output, observer)?;
+    write_sections(file, path, levels, rows, output, observer)
+}
+
+/// Writes the voxels of `rows`, and `levels`, to `file`; `path` is used in messages.
+fn write_sections(
+    file: &File,
+    path: &Path,
+    levels: Vec<AdjFile>,
+    rows: &dyn Rows,
+    output: &RowsOutput,
+    observer: &mut dyn Observer,
+) -> Result<(Facts, u64)> {
     let mut out = SectionFile { file, path, end: 0 };
     let lanes = Axis::ALL.into_iter().take(output.lane_count.into());
     let facts = &output.facts;

@@ -1,0 +1,125 @@
+//! Levels of detail of bricks: which of them a partition allows, and where a brick lies in each.
+//!
+//! In: the facts of the whole, and how it is cut. Out: the levels whose blocks lie in one brick each. So the levels of the whole
+//! are those of its bricks, side by side. What is seen of a voxel depends on its neighbours, also beyond the brick's border:
+//! a brick's levels are made of the voxels in its box and in a margin around it.
+
+use super::Partition;
+use crate::arena::layout::Facts;
+use crate::arena::levels::level_facts;
+use crate::arena::{Arena, Lane, LaneRows, Levels, MOST_LEVELS, Region, Rows};
+use crate::error::{Error, Result};
+use crate::splat::Lanes;
+use crate::volume::Axis;
+
+/// A level of the whole.
+#[derive(Debug, Clone)]
+pub(super) struct Level {
+    /// What the header of the whole's level says; the number of voxels is not known yet.
+    pub(super) facts: Facts,
+    /// How many points of the level below along each axis become one.
+    step: [u32; 3],
+    /// How many points of the whole along each axis become one.
+    pub(super) factors: [u32; 3],
+}
+
+impl Level {
+    /// Returns the box of the level in which the blocks of `region`, a box of the whole, are.
+    pub(super) fn place(&self, region: &Region) -> Region {
+        let side = |a: usize| {
+            let side = region.sides()[a];
+            side.start / self.factors[a]..side.end.div_ceil(self.factors[a])
+        };
+        Region { xs: side(0), ys: side(1), zs: side(2) }
+    }
+}
+
+/// Returns the first `most` levels of the whole, or as many as its grid allows.
+pub(super) fn levels_of(whole: &Facts, most: u8) -> Vec<Level> {
+    let mut levels: Vec<Level> = Vec::new();
+    while levels.len() < most.into() {
+        let (below, factors) = levels.last().map_or((whole, [1; 3]), |level| (&level.facts, level.factors));
+        let Some((facts, step)) = level_facts(below) else { break };
+        levels.push(Level { facts, step, factors: [0, 1, 2].map(|a| factors[a] * step[a]) });
+    }
+    levels
+}
+
+/// Returns how many of `levels`, from the first on, have all their blocks inside single boxes of all `partitions`.
+pub(super) fn allowed(partitions: &[Partition], levels: &[Level]) -> usize {
+    let of_one = |partition: &Partition| {
+        let mut cut = partition.clone();
+        let is_whole = |level: &&Level| cut.coarser(level.step).map(|coarse| cut = coarse).is_some();
+        levels.iter().take_while(is_whole).count()
+    };
+    partitions.iter().map(of_one).min().unwrap_or(0)
+}
+
+/// Returns the number of levels that bricks hold if `wanted` are asked for.
+///
+/// # Errors
+/// [`Error::Input`] if so many are asked for that bricks would share blocks.
+pub(super) fn held(wanted: Levels, whole: &Facts, partitions: &[Partition]) -> Result<u8> {
+    let of_grid = match wanted {
+        Levels::Count(count) => levels_of(whole, count),
+        Levels::Auto => {
+            let mut levels = levels_of(whole, MOST_LEVELS);
+            let grids: Vec<_> = [&whole.grid].into_iter().chain(levels.iter().map(|level| &level.facts.grid)).collect();
+            let useful = (1..=MOST_LEVELS).zip(grids).take_while(|(level, below)| wanted.want(*level, below, u64::MAX));
+            let useful = useful.count();
+            levels.truncate(useful);
+            levels
+        }
+    };
+    let fit = allowed(partitions, &of_grid);
+    if let (Levels::Count(_), Some(last)) = (wanted, of_grid.get(fit).and(of_grid.last())) {
+        let [x, y, z] = last.factors;
+        let why = format!(
+            "are {}, but these bricks can hold {fit}; where an axis is cut, bricks need a multiple of {x}x{y}x{z} points \
+             along x, y and z, and the last one more than half of that",
+            of_grid.len()
+        );
+        return Err(Error::input("levels of detail", why));
+    }
+    Ok(u8::try_from(fit).expect("at most 15"))
+}
+
+/// Returns the box of voxels that the levels of the brick in `region` are made of: of whole blocks of all `levels`, and wide
+/// enough that what is seen of the brick's voxels is known at each level.
+pub(super) fn with_margin(region: &Region, whole: [u32; 3], levels: &[Level]) -> Region {
+    let Some(last) = levels.last() else { return region.clone() };
+    let side = |a: usize| {
+        let neighbours = levels.iter().rev().fold(0, |margin, level| margin * level.step[a] + 1);
+        let (side, margin) = (region.sides()[a], u32::next_multiple_of(neighbours, last.factors[a]));
+        side.start.saturating_sub(margin)..side.end.saturating_add(margin).min(whole[a])
+    };
+    Region { xs: side(0), ys: side(1), zs: side(2) }
+}
+
+/// Returns the rows of level `number` of a file, 0 for the file itself; with a `window`, those in that box.
+///
+/// # Errors
+/// [`Error::Input`] if the file has no such level.
+pub(super) fn rows_of<'a>(arena: &Arena<'a>, number: u8, window: Option<&Region>) -> Result<Box<dyn Rows + 'a>> {
+    let missing = || Error::input("level", format!("{number} is not in a brick"));
+    let level = arena.level(number).ok_or_else(missing)?;
+    let lane = level.lane(Axis::X).expect("every arena that opens has the lane along x");
+    let rows = LaneRows::new(lane, |_, _, record| Some(record));
+    Ok(Box::new(match window {
+        Some(window) => rows.cropped(window),
+        None => rows,
+    }))
+}
+
+/// The levels of the whole, whose lanes nobody has: enough to choose a level by.
+pub(super) struct WholeLevels<'a>(pub(super) &'a [Facts]);
+
+impl Lanes for WholeLevels<'_> {
+    fn lane(&self, _axis: Axis) -> Result<Lane<'_>> {
+        Err(Error::input("lane", "of the whole is in its bricks"))
+    }
+
+    fn levels(&self) -> &[Facts] {
+        self.0
+    }
+}
