@@ -29,19 +29,29 @@ fn begun(file: &[u8]) -> Directory {
     Directory::new(head_of(file), file.len() as u64, &Limits::default(), "ball.adj").unwrap()
 }
 
+fn with_levels(file: &[u8]) -> Directory {
+    let mut directory = begun(file);
+    let heads: Vec<_> = directory.level_heads().iter().map(|range| bytes_of(file, range)).collect();
+    directory.add_levels(&heads, &Limits::default(), "ball.adj").unwrap();
+    directory
+}
+
 fn bytes_of(file: &[u8], range: &std::ops::Range<u64>) -> Vec<u8> {
     file[usize::try_from(range.start).unwrap()..usize::try_from(range.end).unwrap()].to_vec()
 }
 
-/// The directory, and how many requests it took.
+/// The directory, and how many requests it took beside those of the heads.
 fn fetched(file: &[u8], most: u64) -> (Directory, usize) {
-    let (mut directory, mut requests) = (begun(file), 0);
-    while let Some(range) = directory.wanted(most) {
-        assert!(range.end - range.start <= most);
-        directory.append(&bytes_of(file, &range)).unwrap();
-        requests += 1;
+    let (mut directory, mut requests) = (with_levels(file), 0);
+    loop {
+        let ranges = directory.wanted(most);
+        if ranges.is_empty() {
+            return (directory, requests);
+        }
+        assert!(ranges.iter().map(|range| range.end - range.start).sum::<u64>() <= most);
+        ranges.iter().for_each(|range| directory.append(&bytes_of(file, range)).unwrap());
+        requests += ranges.len();
     }
-    (directory, requests)
 }
 
 #[test]
@@ -55,7 +65,7 @@ fn it_has_the_files_header_description_tiles_and_line_ends() {
         assert_eq!(fetched(&whole, most).0.progress(), directory.progress(), "{most}");
         fetched(&whole, most).0.check("ball.adj").unwrap();
     }
-    let model = Model::from_directory(Arc::new(directory), CodeCounts::default(), "ball.adj").unwrap();
+    let model = Model::from_directory(Arc::new(directory), Vec::new(), "ball.adj").unwrap();
     let part = model.arena().unwrap();
     assert!(part.bytes().len() * 10 < whole.len() * 3, "{} of {}", part.bytes().len(), whole.len());
     assert_eq!(part.facts(), arena.facts());
@@ -104,8 +114,8 @@ fn parts_are_the_channels_of_a_lane() {
 fn the_first_lane_alone_is_a_valid_file_that_draws_the_same_pictures() {
     let whole = file();
     let mut lane = Directory::first_lane(head_of(&whole), whole.len() as u64, &Limits::default(), "ball.adj").unwrap();
-    while let Some(range) = lane.wanted(5_000) {
-        lane.append(&bytes_of(&whole, &range)).unwrap();
+    while let [range, ..] = &lane.wanted(5_000)[..] {
+        lane.append(&bytes_of(&whole, range)).unwrap();
     }
     lane.check("ball.adj").unwrap();
     let part = lane.into_bytes();
@@ -123,7 +133,7 @@ fn the_first_lane_alone_is_a_valid_file_that_draws_the_same_pictures() {
 #[test]
 fn what_is_not_in_memory_is_neither_walked_nor_drawn_nor_saved() {
     let (directory, _) = fetched(&file(), u64::MAX);
-    let model = Model::from_directory(Arc::new(directory), CodeCounts::default(), "ball.adj").unwrap();
+    let model = Model::from_directory(Arc::new(directory), Vec::new(), "ball.adj").unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("ball.adj");
     let faults = [
