@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use adjsplat::arena::{Arena, Directory, Levels};
 use adjsplat::error::Error;
 use adjsplat::limits::Limits;
-use adjsplat::splat::{Lanes as _, Quality};
+use adjsplat::splat::Quality;
 use adjsplat::traverse::VoxelBox;
 use adjsplat::{Build, Model, TransferFunction};
 use adjsplat_tests::files::skipped;
@@ -248,7 +248,13 @@ fn coarse_levels_are_seen_first_and_each_lane_is_fetched_once() {
     assert_eq!(whole.scene().lanes.levels().len(), 3);
     let remote = Memory::new(&path, Duration::from_millis(30)).remote();
     let (canvas, judge) = (Canvas::new(Some(remote.clone())), Canvas::default());
-    let first = look(&whole, 10.0, 5.0);
+    // From where a draft draws level 1, and finer pictures the voxels.
+    let from = |azimuth, elevation| {
+        let mut look = look(&whole, azimuth, elevation);
+        look.eye.height *= 5.0;
+        look
+    };
+    let first = from(10.0, 5.0);
     canvas.begin(&remote.model().unwrap(), &first, SIZE).unwrap();
     wait("the coarsest level", || remote.has_arrived());
     assert!(remote.fetched() * 10 < size, "{} of {size}", remote.fetched());
@@ -283,7 +289,7 @@ fn coarse_levels_are_seen_first_and_each_lane_is_fetched_once() {
     assert_eq!(counted(&remote.model().unwrap()), whole.visible_voxels());
 
     // Where the view turns, the level that is there is enough until the voxels have arrived.
-    let turned = look(&whole, 85.0, 5.0);
+    let turned = from(5.0, 70.0);
     let model = remote.model().unwrap();
     let draft = pollster::block_on(canvas.picture(&model, &turned, SIZE, Quality::Draft)).unwrap().unwrap();
     assert!(remote.fetching().is_none() && draft.1.completeness == Completeness::Whole);
