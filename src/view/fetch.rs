@@ -10,8 +10,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use adjsplat::Model;
-use adjsplat::arena::layout::MAGIC;
 use adjsplat::arena::Directory;
+use adjsplat::arena::layout::MAGIC;
 use adjsplat::error::{Error, Result};
 use adjsplat::limits::Limits;
 use adjsplat::splat::Lanes as _;

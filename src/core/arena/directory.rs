@@ -200,9 +200,8 @@ impl Directory {
 
     /// Returns the bytes that have arrived and those that the directory has in the end.
     pub fn progress(&self) -> [u64; 2] {
-        self.all().fold([0; 2], |[done, whole], directory| {
-            [done + directory.bytes.len() as u64, whole + directory.whole]
-        })
+        self.all()
+            .fold([0; 2], |[done, whole], directory| [done + directory.bytes.len() as u64, whole + directory.whole])
     }
 
     fn next_run(&self) -> Option<&Run> {

@@ -89,7 +89,15 @@ impl OnDevice {
         }
         let (frame, stats) = drawn?;
         let walked = stats.splats_drawn + stats.splats_skipped;
-        Ok((frame, Work { splats: stats.splats_drawn, walked, device: Some((name, stats.vram_bytes)), completeness: Completeness::Whole }))
+        Ok((
+            frame,
+            Work {
+                splats: stats.splats_drawn,
+                walked,
+                device: Some((name, stats.vram_bytes)),
+                completeness: Completeness::Whole,
+            },
+        ))
     }
 }
 

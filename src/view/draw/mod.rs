@@ -22,8 +22,8 @@ use crate::look::Look;
 pub use device::Canvas;
 pub(crate) use device::OnDevice;
 use draft_size::DraftSize;
-use worker::{Drawn, Request, Worker};
 pub use worker::{Completeness, Renderer, Work};
+use worker::{Drawn, Request, Worker};
 
 /// How long a view rests before it is drawn in `standard`, and then in `high`, in seconds.
 const RESTS: [f64; 2] = [0.08, 0.4];
@@ -225,7 +225,12 @@ fn rank(quality: Quality) -> usize {
 /// The errors of the camera, the settings and the renderer.
 pub fn picture(model: &Model, look: &Look, size: [u32; 2], quality: Quality) -> Result<(ColorImage, Work)> {
     let (frame, stats) = model.render_with_stats(&look.eye.camera()?, &settings(model, look, size, quality)?)?;
-    let work = Work { splats: stats.splats_drawn, walked: stats.splats_drawn + stats.splats_skipped, device: None, completeness: Completeness::Whole };
+    let work = Work {
+        splats: stats.splats_drawn,
+        walked: stats.splats_drawn + stats.splats_skipped,
+        device: None,
+        completeness: Completeness::Whole,
+    };
     Ok((image(frame, look, size), work))
 }
 

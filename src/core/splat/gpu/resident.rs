@@ -82,13 +82,7 @@ impl Resident {
     /// # Errors
     /// [`Error::Limit`] if the lane is too large for the device; [`Error::Input`] if its tiles are damaged or the records are
     /// not its own; [`Error::Device`].
-    pub async fn receive(
-        &mut self,
-        level: usize,
-        lane: &Lane<'_>,
-        first: u64,
-        channels: [&[u8]; 5],
-    ) -> Result<()> {
+    pub async fn receive(&mut self, level: usize, lane: &Lane<'_>, first: u64, channels: [&[u8]; 5]) -> Result<()> {
         let context = self.context.clone();
         context.watch(async || self.take(level, lane, first, channels)).await
     }
