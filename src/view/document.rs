@@ -56,8 +56,8 @@ pub struct Document {
     /// A line about the last click or change that has no other place.
     pub note: Option<String>,
     picking: Option<Receiver<Result<Option<Picked>>>>,
-    /// Counts changes of the model.
-    version: u64,
+    /// Counts changes of the model, and how often more of it has arrived.
+    version: [u64; 2],
 }
 
 impl Document {
@@ -90,7 +90,7 @@ impl Document {
             picked: None,
             note: None,
             picking: None,
-            version: 0,
+            version: [0; 2],
         })
     }
 
@@ -109,7 +109,7 @@ impl Document {
                         self.edits = History::new(Edited::of(model.transfer(), &stored));
                     }
                     (self.model, self.stored) = (model, stored);
-                    self.version += 1;
+                    self.version[1] += 1;
                 }
                 Err(fault) => return Some(fault.to_string()),
             }
@@ -123,8 +123,8 @@ impl Document {
         Some([self.painter.canvas().remote().map_or(fetched, |remote| remote.fetched()), whole])
     }
 
-    /// Returns the number of changes of the model.
-    pub fn version(&self) -> u64 {
+    /// Returns the number of changes of the model, and how often more of it has arrived.
+    pub fn version(&self) -> [u64; 2] {
         self.version
     }
 
@@ -161,7 +161,7 @@ impl Document {
         match changed {
             Ok((model, missing)) => {
                 (self.model, self.missing, self.note) = (model, missing, None);
-                self.version += 1;
+                self.version[0] += 1;
             }
             Err(fault) => self.note = Some(fault.to_string()),
         }

@@ -1,7 +1,8 @@
 //! Files in a page: of those on a server only the parts that a picture needs, by HTTP range requests; of those that were
 //! chosen or dropped likewise.
 //!
-//! In: an address or a file. Out: a file whose directory alone is in memory, and which reads more when it is asked to. A file that the
+//! In: an address or a file. Out: a file whose directory, with those of its levels of detail, alone is in memory, and which reads more
+//! when it is asked to. A file that the
 //! device could not hold, or that stores fewer than three lanes, has its first lane in memory, from which the other lanes are
 //! derived; of a server that does not know ranges, all of the file is.
 
@@ -9,8 +10,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use adjsplat::Model;
+use adjsplat::arena::Directory;
 use adjsplat::arena::layout::MAGIC;
-use adjsplat::arena::{CodeCounts, Directory};
 use adjsplat::error::{Error, Result};
 use adjsplat::limits::Limits;
 use adjsplat::splat::Lanes as _;
@@ -87,12 +88,16 @@ async fn open(
 ) -> Result<Opened> {
     let (File { name, head, whole }, limits) = (file, Limits::default());
     check_is_adj(name, &head)?;
-    let mut fetched = head.len() as u64;
     let mut directory = Directory::new(&head, whole, &limits, name)?;
-    fetched += complete(&mut directory, &head, &source, progress, context).await?;
+    let places = directory.level_heads();
+    let heads = source.read(&places).await?;
+    let mut fetched = std::iter::once(&head).chain(&heads).map(|bytes| bytes.len() as u64).sum();
+    directory.add_levels(&heads, &limits, name)?;
+    let known: Vec<_> = places.iter().map(|place| place.start).zip(heads).chain([(0, head)]).collect();
+    fetched += complete(&mut directory, &known, &source, progress, context).await?;
     directory.check(name)?;
     let directory = Arc::new(directory);
-    let model = Model::from_directory(directory.clone(), CodeCounts::default(), name)?;
+    let model = Model::from_directory(directory.clone(), Vec::new(), name)?;
     let options = GpuOptions::default();
     let is_held = |axis: Axis| model.lane(axis).is_ok_and(|lane| options.holds(&lane));
     if Axis::ALL.into_iter().all(|axis| directory.has_lane(axis) && is_held(axis)) {
@@ -102,8 +107,9 @@ async fn open(
             ..Opened::new(place, model, true, Some([fetched, whole]))?
         });
     }
-    let mut lane = Directory::first_lane(&head, whole, &limits, name)?;
-    fetched += complete(&mut lane, &head, &source, progress, context).await?;
+    let head = known.last().map_or(&[][..], |(_, head)| head);
+    let mut lane = Directory::first_lane(head, whole, &limits, name)?;
+    fetched += complete(&mut lane, &known, &source, progress, context).await?;
     lane.check(name)?;
     Opened::new(place, model_of(name, lane.into_bytes())?, true, Some([fetched, whole]))
 }
@@ -118,30 +124,38 @@ fn check_is_adj(name: &str, head: &[u8]) -> Result<()> {
     Err(Error::input(name, why))
 }
 
-/// Fetches what a directory lacks beside `head`, the first bytes of the file; returns the number of bytes.
+/// Fetches what a directory lacks beside the bytes that are `known`, each with their place in the file; returns the number of bytes.
 async fn complete(
     directory: &mut Directory,
-    head: &[u8],
+    known: &[(u64, Vec<u8>)],
     source: &impl Source,
     progress: &Progress,
     context: &Context,
 ) -> Result<u64> {
     let mut fetched = 0;
-    while let Some(range) = directory.wanted(*PARTS.end()) {
-        let in_head = |place: u64| usize::try_from(place).unwrap_or(usize::MAX).min(head.len());
-        let known = &head[in_head(range.start)..in_head(range.end)];
-        if !known.is_empty() {
-            directory.append(known)?;
+    // Returns the bytes of a range that are known, from its first on.
+    let of_known = |range: &Range<u64>| {
+        let within = |(start, bytes): &'_ &(u64, Vec<u8>)| (*start..start + bytes.len() as u64).contains(&range.start);
+        let (start, bytes) = known.iter().find(within)?;
+        let place = |at: u64| usize::try_from(at - start).unwrap_or(usize::MAX).min(bytes.len());
+        Some(&bytes[place(range.start)..place(range.end)])
+    };
+    loop {
+        let wanted = directory.wanted(*PARTS.end());
+        let Some(first) = wanted.first() else { return Ok(fetched) };
+        if let Some(bytes) = of_known(first) {
+            directory.append(bytes)?;
             continue;
         }
-        fetched += range.end - range.start;
-        let read = source.read(std::slice::from_ref(&range)).await?;
-        directory.append(&read[0])?;
+        let unknown: Vec<_> = wanted.into_iter().take_while(|range| of_known(range).is_none()).collect();
+        for bytes in source.read(&unknown).await? {
+            fetched += bytes.len() as u64;
+            directory.append(&bytes)?;
+        }
         let [done, total] = directory.progress();
         context.request_repaint();
         progress.set(Phase::Fetching, done, total)?;
     }
-    Ok(fetched)
 }
 
 /// A file on a server that knows ranges.

@@ -21,7 +21,7 @@ use web_sys::{Blob, File, HtmlAnchorElement, HtmlCanvasElement, HtmlInputElement
 use crate::Window;
 use crate::app::Viewer;
 use crate::document::Document;
-use crate::draw::Renderer;
+use crate::draw::{Completeness, Renderer};
 use crate::open::{Place, Wish};
 use crate::recent::RecentFiles;
 
@@ -60,6 +60,7 @@ pub(crate) fn publish(viewer: &Viewer) {
         "camera": document.and_then(|document| document.look.eye.camera().ok()),
         "background": document.map(|document| document.look.background),
         "quality": shown.map(|shown| shown.quality.name()),
+        "whole": shown.map(|shown| shown.work.completeness == Completeness::Whole),
         "size": shown.map(|shown| shown.size),
         "milliseconds": shown.map(|shown| shown.milliseconds),
         "finished": document.is_some_and(|document| document.painter.is_finished()),

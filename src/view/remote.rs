@@ -1,7 +1,8 @@
 //! A file elsewhere, whose voxels go to the graphics device part after part: no copy of them stays in memory.
 //!
 //! In: the file's directory, and where its bytes come from. Out: lanes on the device, each fetched when a picture first needs
-//! it; how far that is, and how often each value has arrived.
+//! it; how far that is, and how often each value has arrived. Of a file with levels of detail, coarser levels are fetched first, so
+//! that there is something to see while a finer one arrives.
 
 use std::ops::{Range, RangeInclusive};
 use std::pin::Pin;
@@ -32,6 +33,15 @@ pub trait Source: Send + Sync {
     fn read<'a>(&'a self, ranges: &'a [Range<u64>]) -> Reading<'a>;
 }
 
+/// A lane of a level of detail: all its voxels, on the scan lines along an axis. Level 0 has the voxels themselves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LaneOf {
+    /// The level.
+    pub level: usize,
+    /// The axis.
+    pub axis: Axis,
+}
+
 /// A file elsewhere.
 pub struct Remote {
     /// The name that messages call it by.
@@ -47,12 +57,13 @@ pub struct Remote {
 #[derive(Default)]
 struct State {
     /// The lane that is being fetched; how many of its bytes have arrived, and all.
-    fetching: Option<(Axis, [u64; 2])>,
+    fetching: Option<(LaneOf, [u64; 2])>,
     /// Bytes of the file that have been fetched.
     fetched: u64,
-    /// The codes of the voxels that have arrived; of all, once a lane is complete.
-    codes: CodeCounts,
-    has_all_codes: bool,
+    /// The codes of the voxels of each level that have arrived, level 0 first; of all, once a lane is complete.
+    codes: Vec<CodeCounts>,
+    /// The finest level of which a lane is complete.
+    finest: Option<usize>,
     has_news: bool,
     has_arrived: bool,
     /// Why no more can be fetched, until it was told.
@@ -74,12 +85,17 @@ impl Remote {
         Remote { name, directory, source, context, turn: Arc::default(), state }
     }
 
-    /// Returns a model that counts the codes of the voxels that have arrived.
+    /// Returns a model that counts the codes of the voxels that have arrived. Before those of level 0 have, it counts those of the
+    /// finest level instead.
     ///
     /// # Errors
     /// The errors of [`Model::from_directory`].
     pub fn model(&self) -> Result<Model> {
-        Model::from_directory(self.directory.clone(), self.state().codes.clone(), &self.name)
+        let mut codes = self.state().codes.clone();
+        if let Some(finest) = codes.iter().position(|codes| !codes.by_value().is_empty()) {
+            codes[0] = codes[finest].clone();
+        }
+        Model::from_directory(self.directory.clone(), codes, &self.name)
     }
 
     /// Returns whether more has arrived since the last call.
@@ -103,9 +119,9 @@ impl Remote {
     }
 
     /// Returns the lane that is being fetched, and which share of it has arrived.
-    pub fn fetching(&self) -> Option<(Axis, f32)> {
-        let (axis, [done, total]) = self.state().fetching?;
-        Some((axis, done as f32 / total.max(1) as f32))
+    pub fn fetching(&self) -> Option<(LaneOf, f32)> {
+        let (lane, [done, total]) = self.state().fetching?;
+        Some((lane, done as f32 / total.max(1) as f32))
     }
 
     /// Returns the number of bytes of the file that have been fetched.
@@ -113,43 +129,73 @@ impl Remote {
         self.state().fetched
     }
 
-    /// Begins to fetch the lane along `axis` for a device, unless a lane is being fetched.
-    pub(crate) fn begin(self: &Arc<Remote>, axis: Axis, device: &Arc<async_lock::Mutex<OnDevice>>) {
+    /// Returns the number of coarser levels of detail that can be fetched.
+    pub(crate) fn level_count(&self) -> usize {
+        self.directory.level_count()
+    }
+
+    /// Returns whether nothing of a lane has to be fetched: `device` has it, or it has no voxels.
+    pub(crate) fn is_there(&self, lane: LaneOf, device: &OnDevice) -> bool {
+        device.has_lane(lane) || self.directory.level(lane.level).is_some_and(|level| level.records(lane.axis) == 0)
+    }
+
+    /// Returns the lane to fetch next for a picture that needs `wanted`; `finest` is the finest level of which the device has a
+    /// lane. That is a coarser level that takes at most a quarter of the bytes, if there is nothing finer to see meanwhile.
+    fn next(&self, wanted: LaneOf, finest: Option<usize>) -> LaneOf {
+        let bytes = |level| self.directory.level(level).map_or(0, |level| level.channel_bytes(wanted.axis));
+        let levels = wanted.level + 1..finest.unwrap_or(self.directory.level_count() + 1);
+        let mut coarser = levels.rev().filter(|level| bytes(*level) <= bytes(wanted.level) / 4);
+        LaneOf { level: coarser.next().unwrap_or(wanted.level), ..wanted }
+    }
+
+    /// Begins to fetch what a picture that needs the lane `wanted` shows next, unless something is being fetched; `finest` is
+    /// the finest level of which the device has a lane.
+    pub(crate) fn begin(
+        self: &Arc<Remote>,
+        wanted: LaneOf,
+        finest: Option<usize>,
+        device: &Arc<async_lock::Mutex<OnDevice>>,
+    ) {
+        let lane = self.next(wanted, finest);
         let mut state = self.state();
         if state.fetching.is_some() || state.has_failed {
             return;
         }
-        state.fetching = Some((axis, [0, 1]));
+        state.fetching = Some((lane, [0, 1]));
         drop(state);
         // A document that is closed stops what it fetches.
         let (remote, device, turn) = (Arc::downgrade(self), Arc::downgrade(device), self.turn.clone());
         background::run(async move || {
             let _turn = turn.lock().await;
-            let fetched = fetch(&remote, axis, &device).await;
+            let fetched = fetch(&remote, lane, &device).await;
             if let Some((remote, device)) = remote.upgrade().zip(device.upgrade()) {
                 // The fault is shown.
-                let _ = remote.end(fetched, axis, device).await;
+                let _ = remote.end(fetched, lane, device).await;
             }
         });
     }
 
-    /// Fetches the lane along `axis` for a device, unless that has it.
+    /// Fetches a lane for a device, unless that has it.
     ///
     /// # Errors
     /// The errors of the source and of the device.
-    pub(crate) async fn fetch(self: &Arc<Remote>, axis: Axis, device: &Arc<async_lock::Mutex<OnDevice>>) -> Result<()> {
+    pub(crate) async fn fetch(
+        self: &Arc<Remote>,
+        lane: LaneOf,
+        device: &Arc<async_lock::Mutex<OnDevice>>,
+    ) -> Result<()> {
         let _turn = self.turn.lock().await;
-        if device.lock().await.has_lane(axis) {
+        if self.is_there(lane, &*device.lock().await) {
             return Ok(());
         }
-        let fetched = fetch(&Arc::downgrade(self), axis, &Arc::downgrade(device)).await;
-        self.end(fetched, axis, device.clone()).await
+        let fetched = fetch(&Arc::downgrade(self), lane, &Arc::downgrade(device)).await;
+        self.end(fetched, lane, device.clone()).await
     }
 
     /// Ends fetching a lane; what has arrived of one that is damaged or cut is dropped.
-    async fn end(&self, fetched: Result<()>, axis: Axis, device: Arc<async_lock::Mutex<OnDevice>>) -> Result<()> {
+    async fn end(&self, fetched: Result<()>, lane: LaneOf, device: Arc<async_lock::Mutex<OnDevice>>) -> Result<()> {
         if fetched.is_err() {
-            device.lock().await.forget(axis);
+            device.lock().await.forget(lane);
         }
         // The device is not closed by the thread that fetched.
         drop(device);
@@ -166,16 +212,29 @@ impl Remote {
     }
 }
 
+impl State {
+    /// Counts the codes of the voxels of a level that have arrived.
+    fn count(&mut self, level: usize, codes: CodeCounts) {
+        if self.codes.len() <= level {
+            self.codes.resize(level + 1, CodeCounts::default());
+        }
+        self.codes[level] = codes;
+    }
+}
+
 /// Fetches a lane and hands it to a device that lacks it; stops when file or device are dropped.
-async fn fetch(remote: &Weak<Remote>, axis: Axis, device: &Weak<async_lock::Mutex<OnDevice>>) -> Result<()> {
+async fn fetch(remote: &Weak<Remote>, wanted: LaneOf, device: &Weak<async_lock::Mutex<OnDevice>>) -> Result<()> {
+    let LaneOf { level, axis } = wanted;
     let Some(file) = remote.upgrade() else { return Ok(()) };
-    let (directory, model) = (file.directory.clone(), file.model()?);
+    let (whole, model) = (file.directory.clone(), file.model()?);
     drop(file);
     match device.upgrade() {
-        Some(device) if !device.lock().await.has_lane(axis) => {}
+        Some(device) if !device.lock().await.has_lane(wanted) => {}
         _ => return Ok(()),
     }
-    let (lane, parts) = (model.lane(axis)?, directory.parts(axis, PARTS));
+    let lane = model.lane_of(level, axis)?;
+    let Some(directory) = whole.level(level) else { return Ok(()) };
+    let parts = directory.parts(axis, PARTS);
     let total = lane.record_count() * lane.channels.record_bytes();
     let (mut check, mut codes, mut done) = (directory.channel_check(axis), CodeCounts::default(), 0);
     let (start, mut patience) = (Instant::now(), PATIENCE);
@@ -183,16 +242,17 @@ async fn fetch(remote: &Weak<Remote>, axis: Axis, device: &Weak<async_lock::Mute
         let Some((remote, device)) = remote.upgrade().zip(device.upgrade()) else { return Ok(()) };
         let read = remote.source.read(&part.ranges).await?;
         let channels: [&[u8]; 5] = std::array::from_fn(|channel| &read[channel][..]);
-        device.lock().await.receive(&lane, part.first, channels).await?;
+        let bytes = channels.iter().map(|channel| channel.len() as u64).sum::<u64>();
+        remote.state().fetched += bytes;
+        device.lock().await.receive(level, &lane, part.first, channels).await?;
         check.add(channels);
         codes.add(lane.channels, channels);
-        let bytes = channels.iter().map(|channel| channel.len() as u64).sum::<u64>();
         done += bytes;
         let mut state = remote.state();
-        state.fetched += bytes;
-        state.fetching = Some((axis, [done, total]));
-        if done < total && start.elapsed().as_secs_f64() > patience && !state.has_all_codes {
-            state.codes = codes.clone();
+        state.fetching = Some((wanted, [done, total]));
+        // A part of a lane is only shown while there is nothing whole to see.
+        if done < total && start.elapsed().as_secs_f64() > patience && state.finest.is_none() {
+            state.count(level, codes.clone());
             (state.has_news, state.has_arrived) = (true, true);
             patience = 2.0 * start.elapsed().as_secs_f64();
         }
@@ -201,6 +261,8 @@ async fn fetch(remote: &Weak<Remote>, axis: Axis, device: &Weak<async_lock::Mute
     let Some(remote) = remote.upgrade() else { return Ok(()) };
     check.finish(&remote.name)?;
     let mut state = remote.state();
-    (state.codes, state.has_all_codes, state.has_arrived) = (codes, true, true);
+    state.count(level, codes);
+    state.finest = Some(state.finest.map_or(level, |finest| finest.min(level)));
+    state.has_arrived = true;
     Ok(())
 }

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use adjsplat::arena::layout::{FileHeader, SectionEntry, header_checksum};
-use adjsplat::arena::{Arena, CodeCounts, Directory};
+use adjsplat::arena::{Arena, CodeCounts, Directory, Levels};
+use adjsplat::error::Error;
 use adjsplat::limits::Limits;
-use adjsplat::splat::{Orbit, Settings};
+use adjsplat::splat::{Lanes as _, Orbit, Settings};
 use adjsplat::traverse::Viewpoint;
 use adjsplat::volume::Axis;
 use adjsplat::{Build, Model, TransferFunction, Volume};
@@ -13,10 +14,15 @@ use zerocopy::{FromBytes as _, IntoBytes as _};
 
 /// An .adj file of a ball with the lanes x, y and z.
 fn file() -> Vec<u8> {
+    built(Levels::default())
+}
+
+fn built(levels: Levels) -> Vec<u8> {
     let at = |i: u16| [i % 20, i / 20 % 24, i / 480].map(|c| f32::from(c) - 10.0);
     let value = |i: u16| 200.0 - 18.0 * at(i).iter().map(|c| c * c).sum::<f32>().sqrt();
     let volume = Volume::new([20, 24, 22], (0..20 * 24 * 22).map(value).collect::<Vec<_>>()).unwrap();
-    let model = Build::new(TransferFunction::range(60.0, 255.0).unwrap()).run(&volume).unwrap();
+    let build = Build::new(TransferFunction::range(60.0, 255.0).unwrap()).with_levels(levels);
+    let model = build.run(&volume).unwrap();
     model.arena().unwrap().bytes().to_vec()
 }
 
@@ -29,19 +35,29 @@ fn begun(file: &[u8]) -> Directory {
     Directory::new(head_of(file), file.len() as u64, &Limits::default(), "ball.adj").unwrap()
 }
 
+fn with_levels(file: &[u8]) -> Directory {
+    let mut directory = begun(file);
+    let heads: Vec<_> = directory.level_heads().iter().map(|range| bytes_of(file, range)).collect();
+    directory.add_levels(&heads, &Limits::default(), "ball.adj").unwrap();
+    directory
+}
+
 fn bytes_of(file: &[u8], range: &std::ops::Range<u64>) -> Vec<u8> {
     file[usize::try_from(range.start).unwrap()..usize::try_from(range.end).unwrap()].to_vec()
 }
 
-/// The directory, and how many requests it took.
+/// The directory, and how many requests it took beside those of the heads.
 fn fetched(file: &[u8], most: u64) -> (Directory, usize) {
-    let (mut directory, mut requests) = (begun(file), 0);
-    while let Some(range) = directory.wanted(most) {
-        assert!(range.end - range.start <= most);
-        directory.append(&bytes_of(file, &range)).unwrap();
-        requests += 1;
+    let (mut directory, mut requests) = (with_levels(file), 0);
+    loop {
+        let ranges = directory.wanted(most);
+        if ranges.is_empty() {
+            return (directory, requests);
+        }
+        assert!(ranges.iter().map(|range| range.end - range.start).sum::<u64>() <= most);
+        ranges.iter().for_each(|range| directory.append(&bytes_of(file, range)).unwrap());
+        requests += ranges.len();
     }
-    (directory, requests)
 }
 
 #[test]
@@ -55,7 +71,7 @@ fn it_has_the_files_header_description_tiles_and_line_ends() {
         assert_eq!(fetched(&whole, most).0.progress(), directory.progress(), "{most}");
         fetched(&whole, most).0.check("ball.adj").unwrap();
     }
-    let model = Model::from_directory(Arc::new(directory), CodeCounts::default(), "ball.adj").unwrap();
+    let model = Model::from_directory(Arc::new(directory), Vec::new(), "ball.adj").unwrap();
     let part = model.arena().unwrap();
     assert!(part.bytes().len() * 10 < whole.len() * 3, "{} of {}", part.bytes().len(), whole.len());
     assert_eq!(part.facts(), arena.facts());
@@ -104,8 +120,8 @@ fn parts_are_the_channels_of_a_lane() {
 fn the_first_lane_alone_is_a_valid_file_that_draws_the_same_pictures() {
     let whole = file();
     let mut lane = Directory::first_lane(head_of(&whole), whole.len() as u64, &Limits::default(), "ball.adj").unwrap();
-    while let Some(range) = lane.wanted(5_000) {
-        lane.append(&bytes_of(&whole, &range)).unwrap();
+    while let [range, ..] = &lane.wanted(5_000)[..] {
+        lane.append(&bytes_of(&whole, range)).unwrap();
     }
     lane.check("ball.adj").unwrap();
     let part = lane.into_bytes();
@@ -123,7 +139,7 @@ fn the_first_lane_alone_is_a_valid_file_that_draws_the_same_pictures() {
 #[test]
 fn what_is_not_in_memory_is_neither_walked_nor_drawn_nor_saved() {
     let (directory, _) = fetched(&file(), u64::MAX);
-    let model = Model::from_directory(Arc::new(directory), CodeCounts::default(), "ball.adj").unwrap();
+    let model = Model::from_directory(Arc::new(directory), Vec::new(), "ball.adj").unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("ball.adj");
     let faults = [
@@ -229,5 +245,133 @@ fn a_file_that_claims_almost_2_to_the_64_bytes_is_refused() {
     header.header_xxh3.set(header_checksum(&header, &table));
     let head = [header.as_bytes(), table.as_bytes()].concat();
     let fault = Directory::new(&head, u64::MAX, &Limits::default(), "ball.adj").map(|_| ()).unwrap_err().to_string();
+    assert!(fault.starts_with("ball.adj") && fault.contains("R5"), "{fault}");
+}
+
+/// An .adj file of a ball with three lanes and two levels.
+fn file_with_levels() -> Vec<u8> {
+    built(Levels::Count(2))
+}
+
+#[test]
+fn levels_are_those_of_the_file_and_their_directories_come_first() {
+    let whole = file_with_levels();
+    let arena = Arena::new(&whole).unwrap();
+    assert_eq!((arena.level_count(), begun(&whole).level_count()), (2, 0), "their beginnings have to be fetched");
+    let mut directory = with_levels(&whole);
+    let coarsest = arena.sections().iter().find(|section| section.level() == Some(2)).unwrap();
+    let first = directory.wanted(u64::MAX)[0].start;
+    assert!((coarsest.offset.get()..coarsest.offset.get() + coarsest.bytes.get()).contains(&first), "{first}");
+    assert!(directory.check("ball.adj").is_err(), "it is not complete");
+    while let [range, ..] = &directory.wanted(700)[..] {
+        directory.append(&bytes_of(&whole, range)).unwrap();
+    }
+    directory.check("ball.adj").unwrap();
+    let directory = Arc::new(directory);
+    let model = Model::from_directory(directory.clone(), Vec::new(), "ball.adj").unwrap();
+    let in_memory = Model::from_bytes(whole.clone()).unwrap();
+    assert_eq!(model.scene().lanes.levels(), in_memory.scene().lanes.levels());
+    for level in 0..=2 {
+        let part = directory.level(level).unwrap();
+        for axis in Axis::ALL {
+            let want = in_memory.lane_of(level, axis).unwrap();
+            let got = model.lane_of(level, axis).unwrap();
+            assert_eq!((want.tiles, want.line_ends.as_bytes()), (got.tiles, got.line_ends.as_bytes()));
+            assert_eq!((want.record_count(), got.steps), (got.record_count(), &[][..]));
+            let stored = [want.steps, want.values, want.normals, want.magnitudes, want.coverages];
+            assert_eq!(part.channel_bytes(axis), stored.iter().map(|bytes| bytes.len() as u64).sum::<u64>());
+            let mut check = part.channel_check(axis);
+            let mut channels = [const { Vec::new() }; 5];
+            for part in part.parts(axis, 300..=1_000) {
+                let bytes = part.ranges.each_ref().map(|range| bytes_of(&whole, range));
+                check.add(bytes.each_ref().map(|bytes| &bytes[..]));
+                channels.iter_mut().zip(bytes).for_each(|(all, bytes)| all.extend(bytes));
+            }
+            check.finish("ball.adj").unwrap();
+            assert_eq!(channels.each_ref().map(|bytes| &bytes[..]), stored);
+        }
+    }
+    assert!(directory.level(3).is_none());
+}
+
+/// The level's tiles are covered by the level's own checksums, not by the file's.
+#[test]
+fn a_level_whose_tiles_changed_is_noticed() {
+    let whole = file_with_levels();
+    let arena = Arena::new(&whole).unwrap();
+    for level in [1, 2] {
+        let level = arena.level(level).unwrap();
+        let tiles = level.lane(Axis::Z).unwrap().tiles.as_bytes();
+        let mut changed = whole.clone();
+        changed[tiles.as_ptr() as usize - whole.as_ptr() as usize + 5] ^= 1;
+        let fault = fetched(&changed, u64::MAX).0.check("ball.adj").unwrap_err().to_string();
+        assert!(fault.starts_with("ball.adj: ") && fault.contains("changed while it was fetched"), "{fault}");
+    }
+}
+
+/// What opening a whole file refuses, the directory refuses by the same rule at the same byte, before it fetches more.
+#[test]
+fn lying_levels_and_files_are_refused_as_whole_files_are() {
+    let folder = adjsplat_tests::repository().join("formats/examples");
+    let (mut refused, mut of_levels, mut opened) = (0, 0, 0);
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|ending| ending != "adj") {
+            continue;
+        }
+        let whole = std::fs::read(&path).unwrap();
+        let limits = Limits::default();
+        let begun = Directory::new(head_of(&whole), whole.len() as u64, &limits, "a.adj").and_then(|mut directory| {
+            let heads: Vec<_> = directory.level_heads().iter().map(|range| bytes_of(&whole, range)).collect();
+            directory.add_levels(&heads, &limits, "a.adj")
+        });
+        match (Arena::new(&whole), begun) {
+            (Ok(_), Ok(())) => opened += 1,
+            (Err(want), Err(Error::Format { fault, .. })) => {
+                assert_eq!(fault.to_string(), want.to_string(), "{}", path.display());
+                refused += 1;
+                of_levels += usize::from(path.to_string_lossy().contains("x-level"));
+            }
+            (whole, begun) => panic!("{}: {:?}, but {begun:?}", path.display(), whole.map(|_| ())),
+        }
+    }
+    assert!(refused > 40 && of_levels > 15 && opened > 20, "{refused} {of_levels} {opened}");
+}
+
+#[test]
+fn levels_that_end_early_or_exceed_the_limits_are_named_and_leave_the_directory_without() {
+    let whole = file_with_levels();
+    let fault = |heads: &[Vec<u8>], limits: &Limits| {
+        let mut directory = begun(&whole);
+        let fault = directory.add_levels(heads, limits, "ball.adj").unwrap_err().to_string();
+        assert_eq!(directory.level_count(), 0);
+        assert!(fault.starts_with("ball.adj") && !fault.contains('\n'), "{fault}");
+        fault
+    };
+    let heads: Vec<_> = begun(&whole).level_heads().iter().map(|range| bytes_of(&whole, range)).collect();
+    assert_eq!(heads.len(), 2);
+    assert!(fault(&[], &Limits::default()).contains("R1"));
+    assert!(fault(&heads[..1], &Limits::default()).contains("R1"));
+    assert!(fault(&[heads[0][..100].to_vec(), heads[1].clone()], &Limits::default()).contains("a header of 256 bytes"));
+    assert!(fault(&[heads[0].clone(), heads[1][..300].to_vec()], &Limits::default()).contains("a table of"));
+    assert!(fault(&[heads[1].clone(), heads[0].clone()], &Limits::default()).contains("R4"), "exchanged");
+    assert!(fault(&heads, &Limits::default().with_file_bytes(2_000)).contains("file bytes"));
+}
+
+/// A section of a level whose length is near 2^64 must not overflow, nor be fetched.
+#[test]
+fn a_level_that_claims_almost_2_to_the_64_bytes_is_refused() {
+    let whole = file_with_levels();
+    let mut directory = begun(&whole);
+    let mut heads: Vec<_> = directory.level_heads().iter().map(|range| bytes_of(&whole, range)).collect();
+    let (mut header, after) = FileHeader::read_from_prefix(&heads[0]).unwrap();
+    let count = header.section_count.get() as usize;
+    let (table, _) = <[SectionEntry]>::ref_from_prefix_with_elems(after, count).unwrap();
+    let mut table = table.to_vec();
+    let last = table.last_mut().unwrap();
+    last.bytes.set(u64::MAX - 10 - last.offset.get());
+    header.header_xxh3.set(header_checksum(&header, &table));
+    heads[0] = [header.as_bytes(), table.as_bytes()].concat();
+    let fault = directory.add_levels(&heads, &Limits::default(), "ball.adj").unwrap_err().to_string();
     assert!(fault.starts_with("ball.adj") && fault.contains("R5"), "{fault}");
 }

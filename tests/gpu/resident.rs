@@ -1,5 +1,6 @@
 //! Lanes that only the device holds: they arrive part after part, and draw the pictures of a lane in memory.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use adjsplat::arena::{Arena, CodeCounts, Directory};
@@ -26,8 +27,11 @@ fn file() -> Vec<u8> {
 fn directory(file: &[u8]) -> Directory {
     let head = &file[..file.len().min(Directory::HEAD as usize)];
     let mut directory = Directory::new(head, file.len() as u64, &Limits::default(), "a.adj").unwrap();
-    while let Some(range) = directory.wanted(1 << 20) {
-        directory.append(&file[range.start as usize..range.end as usize]).unwrap();
+    let bytes = |range: &Range<u64>| file[range.start as usize..range.end as usize].to_vec();
+    let heads: Vec<_> = directory.level_heads().iter().map(bytes).collect();
+    directory.add_levels(&heads, &Limits::default(), "a.adj").unwrap();
+    while let [range, ..] = &directory.wanted(1 << 20)[..] {
+        directory.append(&bytes(range)).unwrap();
     }
     directory
 }
@@ -43,8 +47,8 @@ fn hand_over(file: &[u8], model: &Model, resident: &mut Resident, axis: Axis, wa
     for part in directory.parts(axis, 3_000..=10_000).iter().take(wanted) {
         let channels = part.ranges.each_ref().map(|range| &file[range.start as usize..range.end as usize]);
         let lane = model.lane(axis).unwrap();
-        assert!(!resident.has_lane(axis));
-        pollster::block_on(resident.receive(&lane, part.first, channels)).unwrap();
+        assert!(!resident.has_lane(0, axis));
+        pollster::block_on(resident.receive(0, &lane, part.first, channels)).unwrap();
         codes.add(lane.channels, channels);
     }
     codes
@@ -56,12 +60,12 @@ fn pictures_are_those_of_lanes_in_memory() {
     let file = file();
     let whole = Model::from_bytes(file.clone()).unwrap();
     let directory = Arc::new(directory(&file));
-    let model = |codes| Model::from_directory(directory.clone(), codes, "a.adj").unwrap();
+    let model = |codes| Model::from_directory(directory.clone(), vec![codes], "a.adj").unwrap();
     let (mut there, mut resident) = (opened(device), opened(device));
     let mut codes = CodeCounts::default();
     for axis in Axis::ALL {
         codes = hand_over(&file, &model(codes.clone()), &mut resident, axis, usize::MAX);
-        assert!(resident.has_lane(axis));
+        assert!(resident.has_lane(0, axis));
     }
     let model = model(codes);
     for (azimuth, elevation) in [(0.0, 0.0), (80.0, 10.0), (20.0, 80.0), (10.0, 60.0)] {
@@ -88,7 +92,7 @@ fn what_has_not_arrived_is_not_drawn() {
     let Some(device) = device() else { return };
     let file = file();
     let directory = Arc::new(directory(&file));
-    let model = Model::from_directory(directory, CodeCounts::default(), "a.adj").unwrap();
+    let model = Model::from_directory(directory, Vec::new(), "a.adj").unwrap();
     let settings = Settings::every_pixel([70, 60]);
     let camera = model.camera(&Orbit { azimuth: 80.0, ..Orbit::default() }, &settings).unwrap();
     let order = Model::from_bytes(file.clone()).unwrap();
@@ -110,7 +114,7 @@ fn tiles_come_back_as_they_were() {
     let Some(device) = device() else { return };
     let file = file();
     let whole = Arena::new(&file).unwrap();
-    let model = Model::from_directory(Arc::new(directory(&file)), CodeCounts::default(), "a.adj").unwrap();
+    let model = Model::from_directory(Arc::new(directory(&file)), Vec::new(), "a.adj").unwrap();
     let mut resident = opened(device);
     for axis in Axis::ALL {
         hand_over(&file, &model, &mut resident, axis, usize::MAX);
@@ -143,11 +147,11 @@ fn tiles_come_back_as_they_were() {
 fn records_of_another_lane_are_refused() {
     let Some(device) = device() else { return };
     let file = file();
-    let model = Model::from_directory(Arc::new(directory(&file)), CodeCounts::default(), "a.adj").unwrap();
+    let model = Model::from_directory(Arc::new(directory(&file)), Vec::new(), "a.adj").unwrap();
     let lane = model.lane(Axis::X).unwrap();
     let mut resident = opened(device);
     let mut refused = |lane, first, channels| {
-        let fault = pollster::block_on(resident.receive(lane, first, channels)).unwrap_err();
+        let fault = pollster::block_on(resident.receive(0, lane, first, channels)).unwrap_err();
         assert!(matches!(&fault, Error::Input { what, .. } if what == "records"), "{fault}");
     };
     let zeros = [0; 64];

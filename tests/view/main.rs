@@ -184,7 +184,7 @@ fn a_graphics_device_draws_the_same_picture() {
     let other = TransferFunction::range(150.0, f64::INFINITY).unwrap();
     for model in [document.model.clone(), document.model.with_transfer(other).unwrap(), document.model.clone()] {
         let drawn = canvas.picture(&model, &document.look, [300, 200], Quality::High);
-        let (image, _) = pollster::block_on(drawn).unwrap();
+        let (image, _) = pollster::block_on(drawn).unwrap().unwrap();
         let (want, work) = picture(&model, &document.look, [300, 200], Quality::High).unwrap();
         let ratio = decibels(&image, &want);
         // Measured 87 dB: of the 8-bit samples, one in hundreds differs by 1.

@@ -1,26 +1,27 @@
 //! Files whose voxels only the device holds: fetched when a picture needs them, drawn and picked like others.
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use adjsplat::arena::Directory;
+use adjsplat::arena::{Arena, Directory, Levels};
 use adjsplat::error::Error;
 use adjsplat::limits::Limits;
 use adjsplat::splat::Quality;
 use adjsplat::traverse::VoxelBox;
-use adjsplat::{Model, TransferFunction};
+use adjsplat::{Build, Model, TransferFunction};
 use adjsplat_tests::files::skipped;
-use adjsplat_view::draw::Canvas;
+use adjsplat_view::draw::{Canvas, Completeness};
+use adjsplat_view::editor::StoredValues;
 use adjsplat_view::look::{Eye, Look};
 use adjsplat_view::pick::Ray;
 use adjsplat_view::remote::{Reading, Remote, Source};
 use egui::Context;
 use glam::DVec3;
 
-use super::{PATIENCE, decibels, file};
+use super::{PATIENCE, ball, decibels, file};
 
 const SIZE: [u32; 2] = [160, 120];
 
@@ -45,8 +46,10 @@ impl Memory {
         let whole = self.bytes.lock().unwrap().clone();
         let head = &whole[..whole.len().min(Directory::HEAD as usize)];
         let mut directory = Directory::new(head, whole.len() as u64, &Limits::default(), "ball.adj").unwrap();
-        while let Some(range) = directory.wanted(u64::MAX) {
-            directory.append(&self.bytes(&range)).unwrap();
+        let heads: Vec<_> = directory.level_heads().iter().map(|range| self.bytes(range)).collect();
+        directory.add_levels(&heads, &Limits::default(), "ball.adj").unwrap();
+        while let [range, ..] = &directory.wanted(u64::MAX)[..] {
+            directory.append(&self.bytes(range)).unwrap();
         }
         Arc::new(Remote::new("ball.adj", Arc::new(directory), self.clone(), 0, &Context::default()))
     }
@@ -94,7 +97,7 @@ fn lanes_are_fetched_when_a_picture_needs_them_and_others_stand_in_meanwhile() {
     let remote = memory.remote();
     let (canvas, judge) = (Canvas::new(Some(remote.clone())), Canvas::default());
     let picture = |canvas: &Canvas, model: &Model, look: &Look| {
-        pollster::block_on(canvas.picture(model, look, SIZE, Quality::Standard)).unwrap().0
+        pollster::block_on(canvas.picture(model, look, SIZE, Quality::Standard)).unwrap().unwrap().0
     };
     let model = remote.model().unwrap();
     let first = look(&model, 0.0, 0.0);
@@ -224,4 +227,132 @@ fn closing_a_file_stops_what_is_fetched() {
     let gone = Arc::downgrade(&remote);
     drop((remote, canvas));
     wait("the end", || gone.upgrade().is_none());
+}
+
+/// A file with three lanes and three levels.
+fn file_with_levels(folder: &Path) -> PathBuf {
+    let path = folder.join("levels.adj");
+    let build = Build::new(TransferFunction::range(60.0, f64::INFINITY).unwrap()).with_levels(Levels::Count(3));
+    build.write(&ball(), &path).unwrap();
+    path
+}
+
+#[test]
+fn coarse_levels_are_seen_first_and_each_lane_is_fetched_once() {
+    if !has_device() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = file_with_levels(folder.path());
+    let (whole, size) = (Model::open(&path).unwrap(), path.metadata().unwrap().len());
+    assert_eq!(whole.scene().lanes.levels().len(), 3);
+    let remote = Memory::new(&path, Duration::from_millis(30)).remote();
+    let (canvas, judge) = (Canvas::new(Some(remote.clone())), Canvas::default());
+    // From where a draft draws level 1, and finer pictures the voxels.
+    let from = |azimuth, elevation| {
+        let mut look = look(&whole, azimuth, elevation);
+        look.eye.height *= 5.0;
+        look
+    };
+    let first = from(10.0, 5.0);
+    canvas.begin(&remote.model().unwrap(), &first, SIZE).unwrap();
+    wait("the coarsest level", || remote.has_arrived());
+    assert!(remote.fetched() * 10 < size, "{} of {size}", remote.fetched());
+    let counted = |model: &Model| StoredValues::of(model).unwrap().counts.iter().sum::<u64>();
+    assert!(counted(&remote.model().unwrap()) < whole.visible_voxels() / 100, "the codes of the coarsest level");
+
+    // As a view asks for them: each quality again whenever something has arrived.
+    let mut fetched = vec![remote.fetched()];
+    for quality in [Quality::Draft, Quality::Standard, Quality::High] {
+        loop {
+            wait("what is fetched", || remote.fetching().is_none());
+            let model = remote.model().unwrap();
+            let drawn = pollster::block_on(canvas.picture(&model, &first, SIZE, quality)).unwrap();
+            let want = pollster::block_on(judge.picture(&whole, &first, SIZE, quality)).unwrap().unwrap().0;
+            match drawn {
+                Some((image, work)) if work.completeness == Completeness::Whole => {
+                    assert!(image == want, "{quality:?}");
+                    break;
+                }
+                Some((image, work)) => {
+                    assert_eq!(work.completeness, Completeness::StandIn, "there is always something whole to see");
+                    let near = decibels(&image, &want);
+                    assert!(near > 15.0, "{quality:?}: {near} dB");
+                }
+                None => assert_eq!(quality, Quality::High, "drafts are drawn at once"),
+            }
+            wait("what is fetched", || remote.fetching().is_none());
+            fetched.push(remote.fetched());
+        }
+    }
+    assert!(fetched.len() > 2 && fetched.is_sorted(), "{fetched:?}");
+    assert_eq!(counted(&remote.model().unwrap()), whole.visible_voxels());
+
+    // Where the view turns, the level that is there is enough until the voxels have arrived.
+    let turned = from(5.0, 70.0);
+    let model = remote.model().unwrap();
+    let draft = pollster::block_on(canvas.picture(&model, &turned, SIZE, Quality::Draft)).unwrap().unwrap();
+    assert!(remote.fetching().is_none() && draft.1.completeness == Completeness::Whole);
+    let want = pollster::block_on(judge.picture(&whole, &turned, SIZE, Quality::Draft)).unwrap().unwrap().0;
+    let near = decibels(&draft.0, &want);
+    assert!(near > 20.0, "{near} dB");
+    let high = || pollster::block_on(canvas.picture(&model, &turned, SIZE, Quality::High)).unwrap();
+    assert!(high().is_none() && remote.fetching().is_some_and(|(lane, _)| lane.level == 0));
+    wait("the next lane", || remote.fetching().is_none());
+    let want = pollster::block_on(judge.picture(&whole, &turned, SIZE, Quality::High)).unwrap().unwrap().0;
+    assert!(high().unwrap().0 == want);
+    assert!(remote.fetched() < size, "two lanes of three, and a lane of each level");
+}
+
+#[test]
+fn a_view_from_afar_fetches_levels_alone() {
+    if !has_device() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = file_with_levels(folder.path());
+    let (whole, size) = (Model::open(&path).unwrap(), path.metadata().unwrap().len());
+    for fov in [None, Some(30.0)] {
+        let remote = Memory::new(&path, Duration::ZERO).remote();
+        let (canvas, judge) = (Canvas::new(Some(remote.clone())), Canvas::default());
+        let mut look = look(&whole, 20.0, 10.0);
+        look.eye.fov = fov;
+        look.eye.height *= 6.0;
+        canvas.begin(&remote.model().unwrap(), &look, SIZE).unwrap();
+        wait("a level", || remote.fetching().is_none());
+        let picture = |canvas: &Canvas, model: &Model| {
+            pollster::block_on(canvas.picture(model, &look, SIZE, Quality::Standard)).unwrap().unwrap()
+        };
+        let mut drawn = picture(&canvas, &remote.model().unwrap());
+        while drawn.1.completeness != Completeness::Whole {
+            wait("a level", || remote.fetching().is_none());
+            drawn = picture(&canvas, &remote.model().unwrap());
+        }
+        assert!(drawn.0 == picture(&judge, &whole).0);
+        assert!(remote.fetched() * 4 < size, "{fov:?}: {} of {size}", remote.fetched());
+    }
+}
+
+#[test]
+fn a_level_that_is_damaged_is_named_and_not_drawn() {
+    if !has_device() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let memory = Memory::new(&file_with_levels(folder.path()), Duration::ZERO);
+    let remote = memory.remote();
+    let places: Vec<usize> = {
+        let whole = memory.bytes.lock().unwrap();
+        let arena = Arena::new(&whole).unwrap();
+        let lanes = arena.level(3).unwrap();
+        lanes.lanes().map(|lane| lane.coverages.as_ptr() as usize - whole.as_ptr() as usize).collect()
+    };
+    places.iter().for_each(|at| memory.bytes.lock().unwrap()[*at] ^= 1);
+    let canvas = Canvas::new(Some(remote.clone()));
+    let model = remote.model().unwrap();
+    canvas.begin(&model, &look(&model, 0.0, 0.0), SIZE).unwrap();
+    wait("the fault", || remote.fetching().is_none());
+    let fault = remote.fault().unwrap();
+    assert!(fault.starts_with("ball.adj: ") && fault.contains("changed while it was fetched"), "{fault}");
+    assert!(remote.has_failed() && !remote.has_arrived());
 }

@@ -1,7 +1,8 @@
 //! The directory of a file on a server: all of it but the channels, which a graphics device can hold alone.
 //!
-//! In: the beginning of an `.adj` file, then the bytes that the directory asks for. Out: an arena with header, description,
-//! tiles and line ends; which bytes of the file are the channels of a lane, in parts; and checks of what was fetched.
+//! In: the beginning of an `.adj` file, and those of its levels of detail, then the bytes that the directory asks for. Out: an
+//! arena with header, description, tiles and line ends, and one for each level; which bytes of the file are the channels of a
+//! lane, in parts; and checks of what was fetched.
 
 use std::mem::size_of;
 use std::ops::{Range, RangeInclusive};
@@ -13,7 +14,7 @@ use zerocopy::{FromBytes as _, IntoBytes as _};
 use super::codes::CodeCounts;
 use super::lane::Elsewhere;
 use super::layout::{Facts, FileHeader, MAX_SECTIONS, SectionEntry, aligned, header_checksum};
-use super::open::{Arena, Head, sections_within};
+use super::open::{Arena, Head, level_head, sections_within};
 use crate::error::{Error, FormatFault, Result};
 use crate::limits::Limits;
 use crate::volume::Axis;
@@ -27,6 +28,10 @@ pub struct Directory {
     runs: Vec<Run>,
     facts: Facts,
     channels: [Option<[Channel; 5]>; 3],
+    /// Where the levels lie in the file, level 1 first.
+    level_places: Vec<Range<u64>>,
+    /// The directories of the levels, level 1 first; they have no levels themselves.
+    levels: Vec<Directory>,
 }
 
 /// Neighbouring sections: where they lie in the file, and from where on in the directory.
@@ -63,9 +68,7 @@ impl Directory {
     /// # Errors
     /// [`Error::Format`] and [`Error::Limit`], which name the file as `name`.
     pub fn new(head: &[u8], file_bytes: u64, limits: &Limits, name: &str) -> Result<Directory> {
-        // Sections of kinds that this version does not know are left out, as nothing reads them.
-        let is_kept = |entry: &SectionEntry| entry.known_kind().is_some_and(|kind| !kind.is_channel());
-        Directory::with(head, file_bytes, limits, name, is_kept)
+        Directory::with(head, file_bytes, limits, name, is_of_directory)
     }
 
     /// The same for a directory of the lane along x alone, together with its channels: once it has arrived it is a file from
@@ -89,12 +92,18 @@ impl Directory {
         let wrong = |fault: FormatFault| Error::Format { path: name.into(), fault };
         let head = Head::new(head, file_bytes).map_err(wrong)?;
         sections_within(&head.facts, head.table, file_bytes, name.as_ref(), limits)?;
+        Ok(Directory::of(&head, 0, is_kept))
+    }
+
+    /// Returns the directory of a file, or of a level that begins at byte `start` of the file, with the sections that are kept.
+    fn of(head: &Head, start: u64, is_kept: impl Fn(&SectionEntry) -> bool) -> Directory {
         let channels = Axis::ALL.map(|axis| {
             let places = head.lane(axis).ok().flatten()?;
             let channel = |place: Option<usize>| {
                 place.map_or(Channel::default(), |index| {
                     let SectionEntry { offset, bytes, element_bytes, xxh3, .. } = head.table[index];
-                    Channel { offset: offset.get(), bytes: bytes.get(), width: element_bytes.into(), xxh3: xxh3.get() }
+                    let offset = start + offset.get();
+                    Channel { offset, bytes: bytes.get(), width: element_bytes.into(), xxh3: xxh3.get() }
                 })
             };
             let [_, _, channels @ ..] = places.map(channel);
@@ -112,24 +121,87 @@ impl Directory {
         header.file_bytes = U64::new(whole);
         header.header_xxh3 = U64::new(header_checksum(&header, &table));
         let runs = joined(old.iter().zip(&table).map(|(old, new)| {
-            let (start, at) = (old.offset.get(), new.offset.get());
-            Run { range: start..start + old.bytes.get(), at }
+            let place = old.place();
+            Run { range: start + place.start..start + place.end, at: new.offset.get() }
         }));
-        let bytes = [header.as_bytes(), table.as_bytes()].concat();
-        Ok(Directory { bytes, whole, runs, facts: head.facts, channels })
+        let levels = head.table.iter().rev().filter(|entry| entry.level().is_some());
+        Directory {
+            bytes: [header.as_bytes(), table.as_bytes()].concat(),
+            whole,
+            runs,
+            facts: head.facts.clone(),
+            channels,
+            level_places: levels.map(SectionEntry::place).collect(),
+            levels: Vec::new(),
+        }
     }
 
-    /// Returns the next bytes of the file that the directory lacks, at most `most` of them; `None` once it is complete.
-    pub fn wanted(&self, most: u64) -> Option<Range<u64>> {
+    /// Returns where the beginnings of the file's levels of detail lie, level 1 first.
+    pub fn level_heads(&self) -> Vec<Range<u64>> {
+        let head = |place: &Range<u64>| place.start..place.end.min(place.start.saturating_add(Directory::HEAD));
+        self.level_places.iter().map(head).collect()
+    }
+
+    /// Takes the bytes at [`Directory::level_heads`]; until then the directory has no levels. Allocates no more than these bytes.
+    ///
+    /// # Errors
+    /// [`Error::Format`] and [`Error::Limit`], which name the file as `name`. Then the directory has no levels.
+    pub fn add_levels(&mut self, heads: &[Vec<u8>], limits: &Limits, name: &str) -> Result<()> {
+        let wrong = |fault: FormatFault| Error::Format { path: name.into(), fault };
+        let lanes = self.channels.map(|lane| lane.is_some());
+        let (mut below, mut levels) = (self.facts.clone(), Vec::new());
+        for (index, place) in self.level_places.iter().enumerate() {
+            let bytes = heads.get(index).map_or(&[][..], |head| head);
+            let head = level_head(bytes, place, &below, lanes).map_err(wrong)?;
+            sections_within(&head.facts, head.table, place.end - place.start, name.as_ref(), limits)?;
+            levels.push(Directory::of(&head, place.start, is_of_directory));
+            below = head.facts;
+        }
+        self.levels = levels;
+        Ok(())
+    }
+
+    /// Returns the number of coarser levels of detail that the directory has.
+    pub fn level_count(&self) -> usize {
+        self.levels.len()
+    }
+
+    /// Returns the directory of a level; that of level 0 is the file's own. `None` if it has no such level.
+    pub fn level(&self, level: usize) -> Option<&Directory> {
+        level.checked_sub(1).map_or(Some(self), |below| self.levels.get(below))
+    }
+
+    /// Iterates over this directory and those of the levels, coarsest first.
+    fn all(&self) -> impl Iterator<Item = &Directory> {
+        self.levels.iter().rev().chain([self])
+    }
+
+    /// Returns the next bytes of the file that the directory lacks, those of coarse levels first: ranges with at most `most` bytes
+    /// together. Empty once it is complete.
+    pub fn wanted(&self, most: u64) -> Vec<Range<u64>> {
+        let (mut left, mut wanted) = (most, Vec::new());
+        for range in self.all().flat_map(Directory::lacking) {
+            if left == 0 {
+                break;
+            }
+            let end = range.end.min(range.start.saturating_add(left));
+            left -= end - range.start;
+            wanted.push(range.start..end);
+        }
+        wanted
+    }
+
+    /// Iterates over the bytes of the file that this directory lacks, without those of levels.
+    fn lacking(&self) -> impl Iterator<Item = Range<u64>> {
         let have = self.bytes.len() as u64;
-        let Run { range, at } = self.next_run()?;
-        let start = range.start + have.saturating_sub(*at);
-        Some(start..range.end.min(start.saturating_add(most)))
+        let lacking = move |Run { range, at }: &Run| range.start + have.saturating_sub(*at)..range.end;
+        self.runs.iter().map(lacking).filter(|range| range.start < range.end)
     }
 
     /// Returns the bytes that have arrived and those that the directory has in the end.
     pub fn progress(&self) -> [u64; 2] {
-        [self.bytes.len() as u64, self.whole]
+        self.all()
+            .fold([0; 2], |[done, whole], directory| [done + directory.bytes.len() as u64, whole + directory.whole])
     }
 
     fn next_run(&self) -> Option<&Run> {
@@ -137,11 +209,18 @@ impl Directory {
         self.runs.iter().find(|run| have < run.at + (run.range.end - run.range.start))
     }
 
-    /// Takes the bytes that were [wanted](Directory::wanted), or the first of them.
+    /// Takes the bytes of the first range that is [wanted](Directory::wanted), or the first of them.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub fn append(&mut self, bytes: &[u8]) -> Result<()> {
+        match self.levels.iter_mut().rev().find(|level| level.next_run().is_some()) {
+            Some(level) => level.take(bytes),
+            None => self.take(bytes),
+        }
+    }
+
+    fn take(&mut self, bytes: &[u8]) -> Result<()> {
         let at = self.next_run().map_or(0, |run| run.at);
         let start = usize::try_from(at).unwrap_or(usize::MAX).max(self.bytes.len());
         let need = (start - self.bytes.len()).saturating_add(bytes.len());
@@ -158,13 +237,15 @@ impl Directory {
     /// [`Error::Input`], which names the file as `name`.
     pub fn check(&self, name: &str) -> Result<()> {
         let codes = CodeCounts::default();
-        let arena = self.arena(&codes);
-        let is_sound = |entry: &SectionEntry| xxh3_64(arena.section_bytes(entry)) == entry.xxh3.get();
-        let is_complete = self.wanted(1).is_none();
-        if is_complete && arena.sections().iter().all(is_sound) { Ok(()) } else { Err(changed(name)) }
+        let is_sound = |directory: &Directory| {
+            let arena = directory.arena(&codes);
+            let is_sound = |entry: &SectionEntry| xxh3_64(arena.section_bytes(entry)) == entry.xxh3.get();
+            directory.next_run().is_none() && arena.sections().iter().all(is_sound)
+        };
+        if self.all().all(is_sound) { Ok(()) } else { Err(changed(name)) }
     }
 
-    /// Returns the bytes of an `.adj` file: of its first lane if the directory has that, else one without channels.
+    /// Returns the bytes of an `.adj` file without levels: of its first lane if the directory has that, else one without channels.
     pub fn into_bytes(mut self) -> Vec<u8> {
         self.bytes.resize(usize::try_from(self.whole).unwrap_or(usize::MAX).max(self.bytes.len()), 0);
         self.bytes
@@ -178,6 +259,11 @@ impl Directory {
     /// Returns the number of records in the lane along `axis`; 0 if the file does not store it.
     pub fn records(&self, axis: Axis) -> u64 {
         self.channels[axis.index()].map_or(0, |[steps, ..]| steps.bytes)
+    }
+
+    /// Returns the number of bytes of the channels of the lane along `axis`.
+    pub fn channel_bytes(&self, axis: Axis) -> u64 {
+        self.channels[axis.index()].map_or(0, |channels| channels.iter().map(|channel| channel.bytes).sum())
     }
 
     /// Cuts the channels of the lane along `axis` into parts. The first has about `sizes.start()` bytes, each other one twice
@@ -205,7 +291,7 @@ impl Directory {
         ChannelCheck { hashes: [const { Xxh3::new() }; 5], wanted: stored.map(|channel| channel.xxh3) }
     }
 
-    /// Returns the arena: its lanes have tiles and line ends, but no channels; `codes` counts what these hold.
+    /// Returns the arena, without levels: its lanes have tiles and line ends, but no channels; `codes` counts what these hold.
     pub(crate) fn arena<'a>(&'a self, codes: &'a CodeCounts) -> Arena<'a> {
         let (header, after) = FileHeader::ref_from_prefix(&self.bytes).expect("it was written by `new`");
         let count = header.section_count.get() as usize;
@@ -213,6 +299,12 @@ impl Directory {
         let elsewhere = self.channels.map(|lane| lane.map(|[steps, ..]| Elsewhere { records: steps.bytes, codes }));
         Arena::of_directory(&self.bytes, self.facts.clone(), table, header.header_xxh3.get(), elsewhere)
     }
+}
+
+/// Returns whether a directory holds the bytes of a section. Those of kinds that this version does not know are left out, as
+/// nothing reads them.
+fn is_of_directory(entry: &SectionEntry) -> bool {
+    entry.known_kind().is_some_and(|kind| !kind.is_channel())
 }
 
 /// Checks channels whose bytes arrive in parts.

@@ -15,6 +15,7 @@
 //! ```
 
 use std::mem::{offset_of, size_of};
+use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
@@ -131,6 +132,11 @@ impl SectionEntry {
     pub fn level(&self) -> Option<u8> {
         let number = self.kind.get().checked_sub(OPTIONAL_KINDS)?;
         u8::try_from(number).ok().filter(|number| (1..=MOST_LEVELS).contains(number))
+    }
+
+    /// Returns the bytes of the file that the section takes.
+    pub(crate) fn place(&self) -> Range<u64> {
+        self.offset.get()..self.offset.get().saturating_add(self.bytes.get())
     }
 
     /// Returns the axis of the lane that the section belongs to; `None` for the description.

@@ -7,6 +7,7 @@
 //! of sections is not read. Any arena that opens is safe to walk; [`Arena::check`] tells whether its content is valid.
 
 use std::mem::{offset_of, size_of};
+use std::ops::Range;
 use std::path::Path;
 
 use zerocopy::FromBytes;
@@ -105,16 +106,21 @@ impl<'a> Head<'a> {
         }
         check_table(table, len, &facts)?;
         let head = Head { header, table, facts, checksum };
-        let mut stored = [false; 3];
         for axis in Axis::ALL {
-            stored[axis.index()] = head.lane(axis)?.is_some();
+            head.lane(axis)?;
         }
+        let stored = head.stored();
         if !stored.is_sorted_by_key(|&stored| !stored) || !stored[0] {
             let names = Axis::ALL.into_iter().filter(|axis| stored[axis.index()]).map(Axis::name);
             let got = format!("lanes '{}'", names.collect::<String>());
             return Err(fault(size_of::<FileHeader>() as u64, "R10", "lanes x, xy or xyz", got));
         }
         Ok(head)
+    }
+
+    /// Returns for each axis whether the lane along it is stored.
+    pub(super) fn stored(&self) -> [bool; 3] {
+        Axis::ALL.map(|axis| self.lane(axis).ok().flatten().is_some())
     }
 
     /// Returns the places of the sections of the lane along `axis`, or `None` if it is not stored. Checks R10 and R11.
@@ -477,51 +483,62 @@ fn check_table(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result
 
 /// Checks the header and the section table of each level, and that they fit those of the level below. R1 to R11, R24.
 fn check_levels(bytes: &[u8], head: &Head) -> Result<(), FormatFault> {
-    let lanes = |head: &Head| Axis::ALL.map(|axis| head.lane(axis).ok().flatten().is_some());
     let mut below = head.facts.clone();
     for section in head.table.iter().rev().filter(|section| section.level().is_some()) {
-        let offset = section.offset.get();
+        let place = section.place();
         // `check_table` found the section inside the file.
-        let place = |at: u64| usize::try_from(at).unwrap_or(usize::MAX);
-        let file = bytes.get(place(offset)..place(offset.saturating_add(section.bytes.get()))).unwrap_or_default();
-        let level = Head::new(file, file.len() as u64).map_err(|fault| fault.moved(offset))?;
-        let wrong = |at: u64, expected: String, got: String| Err(fault(at, "R24", expected, got).moved(offset));
-        let Some((expected, _)) = level_facts(&below) else {
-            return wrong(at!(header.dims), "no level of a grid that has no coarser one".into(), "a level".into());
-        };
-        let (grid, found) = (&expected.grid, &level.facts.grid);
-        let same = |a: &[f64], b: &[f64]| a.iter().map(|a| a.to_bits()).eq(b.iter().map(|b| b.to_bits()));
-        let scales = |scales: &Scales| [scales.value_low, scales.value_step, scales.magnitude_scale];
-        let (channels, has) = (expected.channels, level.facts.channels);
-        let tests = [
-            ("dimensions", grid.dims == found.dims, at!(header.dims)),
-            ("value bits", channels.value_bits == has.value_bits, at!(header.value_bits)),
-            ("normal bits", channels.normal_bits == has.normal_bits, at!(header.normal_bits)),
-            ("magnitude bits", channels.magnitude_bits == has.magnitude_bits, at!(header.magnitude_bits)),
-            ("a tile order", expected.tile_order == level.facts.tile_order, at!(header.tile_order)),
-            ("spacing", same(&grid.spacing, &found.spacing), at!(header.spacing)),
-            ("origin", same(&grid.origin, &found.origin), at!(header.origin)),
-            ("direction", same(grid.direction.as_flattened(), found.direction.as_flattened()), at!(header.direction)),
-            ("scales", same(&scales(&expected.scales), &scales(&level.facts.scales)), at!(header.value_low)),
-            ("coverages", has.coverage_bits == channels.coverage_bits, at!(entry[0].kind)),
-            ("lanes", lanes(&level) == lanes(head), at!(entry[0].kind)),
-        ];
-        if let Some((what, _, at)) = tests.into_iter().find(|(_, is_right, _)| !is_right) {
-            return wrong(at, format!("{what} that follow from the level below"), "others".into());
-        }
-        for (index, entry) in level.table.iter().enumerate() {
-            if let Some(number) = entry.level() {
-                return wrong(at!(entry[index].kind), "no levels in a level".into(), format!("level {number}"));
-            }
-        }
-        let is_description = |entry: &SectionEntry| entry.known_kind() == Some(SectionKind::Description);
-        let description = level.table.iter().find(|entry| is_description(entry)).map_or(0, |entry| entry.bytes.get());
-        if description != 2 {
-            return wrong(at!(entry[0].bytes), "a description of 2 bytes, {}".into(), format!("{description} bytes"));
-        }
-        below = level.facts;
+        let at = |at: u64| usize::try_from(at).unwrap_or(usize::MAX);
+        let file = bytes.get(at(place.start)..at(place.end)).unwrap_or_default();
+        below = level_head(file, &place, &below, head.stored())?.facts;
     }
     Ok(())
+}
+
+/// Reads and checks the beginning, `bytes`, of a level at a place in the file. R1 to R11, R24. `below`: the facts of the level
+/// below; `lanes`: which lanes the file stores.
+pub(super) fn level_head<'a>(
+    bytes: &'a [u8],
+    place: &Range<u64>,
+    below: &Facts,
+    lanes: [bool; 3],
+) -> Result<Head<'a>, FormatFault> {
+    let offset = place.start;
+    let level = Head::new(bytes, place.end - offset).map_err(|fault| fault.moved(offset))?;
+    let wrong = |at: u64, expected: String, got: String| Err(fault(at, "R24", expected, got).moved(offset));
+    let Some((expected, _)) = level_facts(below) else {
+        return wrong(at!(header.dims), "no level of a grid that has no coarser one".into(), "a level".into());
+    };
+    let (grid, found) = (&expected.grid, &level.facts.grid);
+    let same = |a: &[f64], b: &[f64]| a.iter().map(|a| a.to_bits()).eq(b.iter().map(|b| b.to_bits()));
+    let scales = |scales: &Scales| [scales.value_low, scales.value_step, scales.magnitude_scale];
+    let (channels, has) = (expected.channels, level.facts.channels);
+    let tests = [
+        ("dimensions", grid.dims == found.dims, at!(header.dims)),
+        ("value bits", channels.value_bits == has.value_bits, at!(header.value_bits)),
+        ("normal bits", channels.normal_bits == has.normal_bits, at!(header.normal_bits)),
+        ("magnitude bits", channels.magnitude_bits == has.magnitude_bits, at!(header.magnitude_bits)),
+        ("a tile order", expected.tile_order == level.facts.tile_order, at!(header.tile_order)),
+        ("spacing", same(&grid.spacing, &found.spacing), at!(header.spacing)),
+        ("origin", same(&grid.origin, &found.origin), at!(header.origin)),
+        ("direction", same(grid.direction.as_flattened(), found.direction.as_flattened()), at!(header.direction)),
+        ("scales", same(&scales(&expected.scales), &scales(&level.facts.scales)), at!(header.value_low)),
+        ("coverages", has.coverage_bits == channels.coverage_bits, at!(entry[0].kind)),
+        ("lanes", level.stored() == lanes, at!(entry[0].kind)),
+    ];
+    if let Some((what, _, at)) = tests.into_iter().find(|(_, is_right, _)| !is_right) {
+        return wrong(at, format!("{what} that follow from the level below"), "others".into());
+    }
+    for (index, entry) in level.table.iter().enumerate() {
+        if let Some(number) = entry.level() {
+            return wrong(at!(entry[index].kind), "no levels in a level".into(), format!("level {number}"));
+        }
+    }
+    let is_description = |entry: &SectionEntry| entry.known_kind() == Some(SectionKind::Description);
+    let description = level.table.iter().find(|entry| is_description(entry)).map_or(0, |entry| entry.bytes.get());
+    if description != 2 {
+        return wrong(at!(entry[0].bytes), "a description of 2 bytes, {}".into(), format!("{description} bytes"));
+    }
+    Ok(level)
 }
 
 /// Checks that `bytes`, which start at byte `from` of the file, are all 0; the fault names the first byte that is not.

@@ -16,7 +16,7 @@ pub use voxels::{ModelVoxel, Voxels};
 
 use crate::arena::lanes::DerivedLanes;
 use crate::arena::layout::Facts;
-use crate::arena::{Arena, CodeCounts, Directory, Lane};
+use crate::arena::{Arena, CodeCounts, Directory, Lane, MOST_LEVELS};
 use crate::build::Unobserved;
 use crate::classify::TransferFunction;
 use crate::collection::Collection;
@@ -54,8 +54,8 @@ struct Stored {
 enum Bytes {
     Mapped(AdjFile),
     InMemory(Vec<u8>),
-    /// The channels are not in memory.
-    Elsewhere(Arc<Directory>, CodeCounts),
+    /// The channels are not in memory; counts of their codes, those of level 0 first.
+    Elsewhere(Arc<Directory>, Vec<CodeCounts>),
 }
 
 impl Bytes {
@@ -63,7 +63,18 @@ impl Bytes {
         match self {
             Bytes::Mapped(file) => file.arena(),
             Bytes::InMemory(bytes) => Arena::new(bytes).map_err(|fault| Error::Format { path: "memory".into(), fault }),
-            Bytes::Elsewhere(directory, codes) => Ok(directory.arena(codes)),
+            Bytes::Elsewhere(directory, codes) => Ok(directory.arena(&codes[0])),
+        }
+    }
+
+    /// Returns the arena of a coarser level; `None` if there is no such level.
+    fn level(&self, level: u8) -> Option<Arena<'_>> {
+        match self {
+            Bytes::Elsewhere(directory, codes) => {
+                let level = usize::from(level);
+                Some(directory.level(level)?.arena(codes.get(level)?))
+            }
+            _ => self.arena().ok()?.level(level),
         }
     }
 }
@@ -105,14 +116,16 @@ impl Model {
         Model::new(Bytes::InMemory(bytes), DerivedLanes::new(u64::MAX), "memory".as_ref())
     }
 
-    /// Creates a model of a file of which only the directory is in memory; `codes` counts the voxels that have arrived.
+    /// Creates a model of a file of which only the directory is in memory; `codes` counts the voxels of each level of detail that
+    /// have arrived, those of level 0 first. Where it is shorter, no voxels have.
     ///
     /// Its pictures are drawn by a graphics device that [receives](crate::splat::gpu::Resident::receive) the channels; lanes
     /// that the file does not store are not derived.
     ///
     /// # Errors
     /// [`Error::Input`], which names the file as `name`, if it stores no readable transfer function.
-    pub fn from_directory(directory: Arc<Directory>, codes: CodeCounts, name: &str) -> Result<Model> {
+    pub fn from_directory(directory: Arc<Directory>, mut codes: Vec<CodeCounts>, name: &str) -> Result<Model> {
+        codes.resize(directory.level_count() + 1, CodeCounts::default());
         Model::new(Bytes::Elsewhere(directory, codes), DerivedLanes::new(0), name.as_ref())
     }
 
@@ -122,9 +135,8 @@ impl Model {
             Error::input(path.display().to_string(), "stores no transfer function that this library reads")
         })?;
         let facts = arena.facts().clone();
-        let level_facts: Vec<Facts> = (1..=arena.level_count())
-            .map_while(|level| arena.level(level).map(|level| level.facts().clone()))
-            .collect();
+        let level_facts: Vec<Facts> =
+            (1..=MOST_LEVELS).map_while(|level| bytes.level(level).map(|level| level.facts().clone())).collect();
         let level_lanes = level_facts.iter().map(|_| DerivedLanes::new(derived.memory())).collect();
         let stored = Stored { bytes, facts, derived, level_facts, level_lanes };
         Ok(Model { stored: Arc::new(stored), transfer: Arc::new(transfer) })
@@ -278,7 +290,7 @@ impl Lanes for Model {
 
     fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {
         let Some(below) = level.checked_sub(1) else { return self.lane(axis) };
-        let arena = u8::try_from(level).ok().and_then(|level| self.arena().ok()?.level(level));
+        let arena = u8::try_from(level).ok().and_then(|level| self.stored.bytes.level(level));
         match (arena, self.stored.level_lanes.get(below)) {
             (Some(arena), Some(derived)) => derived.lane(&arena, axis),
             _ => Err(Error::input("level", format!("{level} is not in the file"))),

@@ -8,6 +8,7 @@
 //! A level is drawn if the longest edge of its voxels is at most so many pixels as the quality allows
 //! (docs/studies/levels.md), and if it has clearly fewer voxels than level 0. All renderers and judges take the same choice from here.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::kernel::{KernelShape, Quality};
@@ -17,7 +18,7 @@ use crate::arena::Lane;
 use crate::arena::layout::Facts;
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
-use crate::traverse::{Viewpoint, VoxelBox};
+use crate::traverse::{Order, Viewpoint, VoxelBox};
 use crate::volume::{Axis, Grid};
 
 /// Standard deviations of the kernels of level 1, of level 2, and of all coarser levels, in the level's voxels, where that
@@ -109,6 +110,30 @@ pub fn most_pixels(quality: Quality, level: usize) -> f64 {
 /// Returns the facts of a level, which the scene has.
 pub(crate) fn facts_of<'a>(scene: &Scene<'a>, level: usize) -> &'a Facts {
     level.checked_sub(1).map_or(scene.facts, |below| &scene.lanes.levels()[below])
+}
+
+/// Returns the order in which a view visits the voxels of a level.
+///
+/// # Errors
+/// The errors of [`View::new`]; [`Error::Input`] if there is no such level.
+pub fn level_order(scene: &Scene, level: usize, camera: &Camera, settings: &Settings) -> Result<Order> {
+    if level > scene.lanes.levels().len() {
+        return Err(Error::input("level", format!("{level} is not in the file")));
+    }
+    let grid = &facts_of(scene, level).grid;
+    let kernel = level_kernel(settings.kernel(), level);
+    let view = View::new(camera, grid, settings.size, kernel, settings.near)?;
+    super::setup::walk_order(&view, grid, settings)
+}
+
+/// Returns the levels that a view draws, coarsest first, each with the order in which its voxels are visited.
+///
+/// # Errors
+/// The errors of [`level_parts`].
+pub fn drawn_levels(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<Vec<(usize, Order)>> {
+    let levels: BTreeSet<usize> = level_parts(scene, camera, settings)?.iter().map(|part| part.level).collect();
+    let with_order = |level| Ok((level, level_order(scene, level, camera, settings)?));
+    levels.into_iter().rev().map(with_order).collect()
 }
 
 /// Returns the parts that a view draws, nearest first.

@@ -153,8 +153,12 @@ impl Viewer {
                 }
             }
             for document in &self.documents {
-                if let Some((axis, share)) = document.painter.canvas().remote().and_then(|remote| remote.fetching()) {
-                    ui.label(format!("Fetching the voxels of {} along {}", document.title, axis.name()));
+                if let Some((lane, share)) = document.painter.canvas().remote().and_then(|remote| remote.fetching()) {
+                    let voxels = match lane.level {
+                        0 => "the voxels".into(),
+                        level => format!("level {level}"),
+                    };
+                    ui.label(format!("Fetching {voxels} of {} along {}", document.title, lane.axis.name()));
                     ui.add(ProgressBar::new(share).desired_width(140.0));
                 }
             }

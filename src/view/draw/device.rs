@@ -5,17 +5,19 @@ use std::sync::Arc;
 use adjsplat::Model;
 use adjsplat::arena::{Lane, OwnedLane};
 use adjsplat::error::{Error, Result};
+use adjsplat::internals::{drawn_levels, level_order};
 use adjsplat::splat::gpu::adapter::{self, OpenedDevice};
 use adjsplat::splat::gpu::{GpuOptions, Resident};
 use adjsplat::splat::{Camera, Frame, Lanes as _, Quality, Settings};
-use adjsplat::traverse::VoxelBox;
+use adjsplat::traverse::{Order, VoxelBox};
 use adjsplat::volume::Axis;
 use async_lock::Mutex;
 use egui::ColorImage;
 
+use super::worker::Completeness;
 use super::{Work, image, settings};
 use crate::look::Look;
-use crate::remote::Remote;
+use crate::remote::{LaneOf, Remote};
 
 /// What a device keeps of one model, and where it gets the rest. Clones share it.
 #[derive(Clone, Default)]
@@ -51,22 +53,28 @@ impl OnDevice {
         Ok((opened.facts.name, resident))
     }
 
-    /// Returns whether all of the lane along `axis` is on the device.
-    pub(crate) fn has_lane(&self, axis: Axis) -> bool {
-        self.resident.as_ref().is_some_and(|(_, resident)| resident.has_lane(axis))
+    /// Returns whether all of a lane is on the device.
+    pub(crate) fn has_lane(&self, lane: LaneOf) -> bool {
+        self.resident.as_ref().is_some_and(|(_, resident)| resident.has_lane(lane.level, lane.axis))
     }
 
-    /// Drops the lane along `axis`.
-    pub(crate) fn forget(&mut self, axis: Axis) {
+    /// Drops a lane.
+    pub(crate) fn forget(&mut self, lane: LaneOf) {
         if let Some((_, resident)) = &mut self.resident {
-            resident.forget_lane(axis);
+            resident.forget_lane(lane.level, lane.axis);
         }
     }
 
-    /// Takes records of a lane: see [`Resident::receive`].
-    pub(crate) async fn receive(&mut self, lane: &Lane<'_>, first: u64, channels: [&[u8]; 5]) -> Result<()> {
+    /// Takes records of a lane of a level: see [`Resident::receive`].
+    pub(crate) async fn receive(
+        &mut self,
+        level: usize,
+        lane: &Lane<'_>,
+        first: u64,
+        channels: [&[u8]; 5],
+    ) -> Result<()> {
         let (name, mut resident) = self.take().await?;
-        resident.receive(lane, first, channels).await?;
+        resident.receive(level, lane, first, channels).await?;
         self.resident = Some((name, resident));
         Ok(())
     }
@@ -81,7 +89,53 @@ impl OnDevice {
         }
         let (frame, stats) = drawn?;
         let walked = stats.splats_drawn + stats.splats_skipped;
-        Ok((frame, Work { splats: stats.splats_drawn, walked, device: Some((name, stats.vram_bytes)) }))
+        Ok((
+            frame,
+            Work {
+                splats: stats.splats_drawn,
+                walked,
+                device: Some((name, stats.vram_bytes)),
+                completeness: Completeness::Whole,
+            },
+        ))
+    }
+}
+
+/// What is drawn where lanes that a picture needs have not arrived, and what is fetched.
+///
+/// Splats that overlap are composited in another order where a lane along another axis stands in, which is right but for
+/// neighbours. Of a coarser level one lane is enough, for pictures of one level: such pictures are replaced by those of level 0
+/// when the view rests.
+struct StandIn {
+    /// The lane that is drawn in place of those that are needed; `None` if there is none.
+    lane: Option<LaneOf>,
+    /// The first lane that has to be fetched; `None` if what is there is enough.
+    fetch: Option<LaneOf>,
+    /// The finest level of which a lane is there.
+    finest: Option<usize>,
+}
+
+impl StandIn {
+    /// Returns what stands in for what is needed: levels, coarsest first, with the orders in which they are visited. `None` if all of
+    /// it is there.
+    fn new(remote: &Remote, device: &OnDevice, needed: &[(usize, Order)], quality: Quality) -> Option<StandIn> {
+        let there = |level: usize, axis: Axis| remote.is_there(LaneOf { level, axis }, device);
+        let finest = (0..=remote.level_count()).find(|level| Axis::ALL.into_iter().any(|axis| there(*level, axis)));
+        let (level, order) = needed.iter().find(|(level, order)| !there(*level, order.fast))?;
+        let wanted = LaneOf { level: *level, axis: order.fast };
+        // The voxels themselves, if they are there, are better than any level; only drafts must be fast.
+        let own = LaneOf { level: 0, axis: order.fast };
+        if quality != Quality::Draft && there(0, order.fast) {
+            return Some(StandIn { lane: Some(own), fetch: None, finest });
+        }
+        // The nearest level to the finest one that is needed, finer ones first; lanes along the right axis first.
+        let target = needed.iter().map(|(level, _)| *level).min().unwrap_or(0);
+        let lanes = (0..=remote.level_count()).flat_map(|level| Axis::ALL.map(|axis| LaneOf { level, axis }));
+        let lane = lanes
+            .filter(|lane| there(lane.level, lane.axis))
+            .min_by_key(|lane| (lane.level.abs_diff(target), lane.level, lane.axis != order.fast));
+        let is_enough = needed.len() == 1 && *level > 0 && lane.is_some_and(|lane| lane.level == *level);
+        Some(StandIn { lane, fetch: (!is_enough).then_some(wanted), finest })
     }
 }
 
@@ -96,22 +150,26 @@ impl Canvas {
         self.remote.as_ref()
     }
 
-    /// Begins to fetch the lane that a first picture needs.
+    /// Begins to fetch what a first picture shows.
     ///
     /// # Errors
     /// The errors of the camera and the settings.
     pub fn begin(&self, model: &Model, look: &Look, size: [u32; 2]) -> Result<()> {
         if let Some(remote) = &self.remote {
-            let order = model.order(&look.eye.camera()?, &settings(model, look, size, Quality::Draft)?)?;
-            remote.begin(order.fast, &self.device);
+            let settings = settings(model, look, size, Quality::Draft)?;
+            let needed = drawn_levels(&model.scene(), &look.eye.camera()?, &settings)?;
+            // The coarsest level that is needed has the fewest bytes.
+            if let Some((level, order)) = needed.first() {
+                remote.begin(LaneOf { level: *level, axis: order.fast }, None, &self.device);
+            }
         }
         Ok(())
     }
 
     /// Returns the picture of a look, over its background. All models must have the same voxels.
     ///
-    /// While the lane that it needs is being fetched, another one stands in; splats that overlap are then composited in
-    /// another order, which is right but for neighbours.
+    /// While a lane that it needs is being fetched, another one or a coarser level stands in; see [`StandIn`]. There is no picture
+    /// at [`Quality::High`] until all that it needs is there.
     ///
     /// # Errors
     /// The errors of the camera, the settings and [`Canvas::frame`].
@@ -121,36 +179,53 @@ impl Canvas {
         look: &Look,
         size: [u32; 2],
         quality: Quality,
-    ) -> Result<(ColorImage, Work)> {
+    ) -> Result<Option<(ColorImage, Work)>> {
         let (camera, mut settings) = (look.eye.camera()?, settings(model, look, size, quality)?);
         let mut device = self.device.lock().await;
+        let mut completeness = Completeness::Whole;
         if let Some(remote) = &self.remote {
-            let order = model.order(&camera, &settings)?;
-            if !device.has_lane(order.fast) {
-                remote.begin(order.fast, &self.device);
-                let whole = Axis::ALL.into_iter().find(|axis| device.has_lane(*axis));
-                let there = whole.or(remote.fetching().map(|(axis, _)| axis)).unwrap_or(order.fast);
-                if settings.mode.is_maximum() && there != order.fast {
-                    // A maximum is of slices in the view's order.
-                    drop(device);
-                    remote.fetch(order.fast, &self.device).await?;
-                    device = self.device.lock().await;
-                } else {
-                    settings = settings.with_order(order.with_fast(there));
+            let needed = drawn_levels(&model.scene(), &camera, &settings)?;
+            if let Some(StandIn { lane, fetch, finest }) = StandIn::new(remote, &device, &needed, quality) {
+                if let Some(wanted) = fetch {
+                    remote.begin(wanted, finest, &self.device);
+                    if quality == Quality::High && remote.fetching().is_some() {
+                        return Ok(None);
+                    }
+                }
+                completeness = match (lane, fetch) {
+                    (None, _) => Completeness::Part,
+                    (_, None) => Completeness::Whole,
+                    _ => Completeness::StandIn,
+                };
+                if let Some(mut lane) = lane.or_else(|| Some(remote.fetching()?.0)) {
+                    let order = level_order(&model.scene(), lane.level, &camera, &settings)?;
+                    if settings.mode.is_maximum() && lane.axis != order.fast {
+                        // A maximum is of slices in the view's order.
+                        drop(device);
+                        lane.axis = order.fast;
+                        remote.fetch(lane, &self.device).await?;
+                        device = self.device.lock().await;
+                    }
+                    settings = settings.with_level(lane.level);
+                    if lane.axis != order.fast {
+                        settings = settings.with_order(order.with_fast(lane.axis));
+                    }
                 }
             }
         }
         let (frame, work) = device.frame(model, &camera, &settings).await?;
-        Ok((image(frame, look, size), work))
+        Ok(Some((image(frame, look, size), Work { completeness, ..work })))
     }
 
-    /// Draws a frame; waits for the lane that it needs. All models must have the same voxels.
+    /// Draws a frame; waits for the lanes that it needs. All models must have the same voxels.
     ///
     /// # Errors
     /// The errors of [`adapter::open_async`] and [`adjsplat::splat::gpu::GpuRenderer::render`], and of fetching.
     pub async fn frame(&self, model: &Model, camera: &Camera, settings: &Settings) -> Result<(Frame, Work)> {
         if let Some(remote) = &self.remote {
-            remote.fetch(model.order(camera, settings)?.fast, &self.device).await?;
+            for (level, order) in drawn_levels(&model.scene(), camera, settings)? {
+                remote.fetch(LaneOf { level, axis: order.fast }, &self.device).await?;
+            }
         }
         self.device.lock().await.frame(model, camera, settings).await
     }
@@ -161,8 +236,9 @@ impl Canvas {
     /// The errors of [`Resident::tiles_back`].
     pub async fn tiles_back(&self, model: &Model, wants: impl Fn(&VoxelBox) -> bool) -> Result<OwnedLane> {
         let mut device = self.device.lock().await;
-        let whole = Axis::ALL.into_iter().find(|axis| device.has_lane(*axis));
-        let there = whole.or(self.remote.as_ref().and_then(|remote| remote.fetching()).map(|(axis, _)| axis));
+        let whole = Axis::ALL.into_iter().find(|axis| device.has_lane(LaneOf { level: 0, axis: *axis }));
+        let fetching = self.remote.as_ref().and_then(|remote| remote.fetching());
+        let there = whole.or(fetching.filter(|(lane, _)| lane.level == 0).map(|(lane, _)| lane.axis));
         let lane = model.lane(there.unwrap_or(Axis::X))?;
         match &mut device.resident {
             Some((_, resident)) => resident.tiles_back(&lane, wants).await,

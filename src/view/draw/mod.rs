@@ -25,8 +25,8 @@ pub(crate) use device::OnDevice;
 use draft_size::DraftSize;
 pub use texture::install;
 pub(crate) use texture::shape;
+pub use worker::{Completeness, Renderer, Work};
 use worker::{Drawn, Request, Worker};
-pub use worker::{Renderer, Work};
 
 /// How long a view rests before it is drawn in `standard`, and then in `high`, in seconds.
 const RESTS: [f64; 2] = [0.08, 0.4];
@@ -55,6 +55,8 @@ pub struct Painter {
     results: Receiver<Drawn>,
     /// The look, the model's version and the size of the last request.
     asked: Option<(Look, u64, [u32; 2])>,
+    /// How often more of the file had arrived at the last request.
+    arrivals: u64,
     look_index: u64,
     changed_at: f64,
     /// The best quality that was asked for since the look changed.
@@ -78,6 +80,7 @@ impl Painter {
             finer,
             results,
             asked: None,
+            arrivals: 0,
             look_index: 0,
             changed_at: 0.0,
             asked_quality: Quality::Draft,
@@ -93,11 +96,12 @@ impl Painter {
         &self.canvas
     }
 
-    /// Returns the best picture so far; asks for better ones. `version` counts changes of the model; `time` is in seconds.
+    /// Returns the best picture so far; asks for better ones. `version` counts changes of the model, and how often more of it has
+    /// arrived; `time` is in seconds.
     pub fn paint(
         &mut self,
         model: &Model,
-        version: u64,
+        [version, arrivals]: [u64; 2],
         look: &Look,
         size: [u32; 2],
         time: f64,
@@ -111,9 +115,21 @@ impl Painter {
             self.asked_quality = Quality::Draft;
             let coarse = self.draft_size.of(size);
             self.draft.ask(self.request(model, look, coarse, Quality::Draft));
+        } else if self.arrivals != arrivals && !self.is_best() {
+            // What is shown was drawn from less. A picture as fine as before takes its place.
+            self.look_index += 1;
+            let (size, quality) = match self.asked_quality {
+                Quality::Draft => (self.draft_size.of(size), Quality::Draft),
+                _ => (size, Quality::Standard),
+            };
+            self.asked_quality = quality;
+            let worker = self.finer.as_ref().filter(|_| quality != Quality::Draft).unwrap_or(&self.draft);
+            worker.ask(self.request(model, look, size, quality));
         }
+        self.arrivals = arrivals;
         // What arrives will be drawn anew.
-        if self.canvas.remote().is_some_and(|remote| remote.fetching().is_some()) {
+        let is_part = self.shown.as_ref().is_none_or(|shown| shown.work.completeness == Completeness::Part);
+        if is_part && self.canvas.remote().is_some_and(|remote| remote.fetching().is_some()) {
             return self.image();
         }
         // A draft of this look first, or there is nothing to see meanwhile.
@@ -151,9 +167,17 @@ impl Painter {
 
     /// Returns whether the picture that is shown is the best of this look.
     pub fn is_finished(&self) -> bool {
-        let shown = self.shown.as_ref();
         let is_fetching = self.canvas.remote().is_some_and(|remote| remote.fetching().is_some());
-        !is_fetching && shown.is_some_and(|shown| shown.look_index == self.look_index && shown.quality == Quality::High)
+        let is_high = |shown: &Shown| shown.look_index == self.look_index && shown.quality == Quality::High;
+        !is_fetching && self.shown.as_ref().is_some_and(is_high)
+    }
+
+    /// Returns whether no picture of this look can be better than the one that is shown.
+    fn is_best(&self) -> bool {
+        self.shown.as_ref().is_some_and(|Shown { look_index, quality, work, .. }| {
+            let is_whole = work.completeness == Completeness::Whole;
+            is_whole && (*look_index, *quality) == (self.look_index, Quality::High)
+        })
     }
 
     fn request(&self, model: &Model, look: &Look, size: [u32; 2], quality: Quality) -> Request {
@@ -195,7 +219,12 @@ fn rank(quality: Quality) -> usize {
 /// The errors of the camera, the settings and the renderer.
 pub fn picture(model: &Model, look: &Look, size: [u32; 2], quality: Quality) -> Result<(ColorImage, Work)> {
     let (frame, stats) = model.render_with_stats(&look.eye.camera()?, &settings(model, look, size, quality)?)?;
-    let work = Work { splats: stats.splats_drawn, walked: stats.splats_drawn + stats.splats_skipped, device: None };
+    let work = Work {
+        splats: stats.splats_drawn,
+        walked: stats.splats_drawn + stats.splats_skipped,
+        device: None,
+        completeness: Completeness::Whole,
+    };
     Ok((image(frame, look, size), work))
 }
 

@@ -36,6 +36,17 @@ pub(super) struct Request {
     pub(super) look_index: u64,
 }
 
+/// How much of a file on a server a picture shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Completeness {
+    /// All that it needs.
+    Whole,
+    /// All voxels, from a coarser level or from a lane along another axis, which stands in for what has not arrived.
+    StandIn,
+    /// The voxels that have arrived.
+    Part,
+}
+
 /// What drawing a picture took.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Work {
@@ -45,6 +56,8 @@ pub struct Work {
     pub walked: u64,
     /// The device's name and the bytes of its memory in use; `None` for the processor.
     pub device: Option<(String, u64)>,
+    /// How much of what it needs it shows.
+    pub completeness: Completeness,
 }
 
 /// A picture that was drawn.
@@ -88,7 +101,11 @@ async fn work(
         let Request { model, look, size, quality, look_index } = request;
         let picture = match renderer {
             Renderer::Processor => picture(&model, &look, size, quality),
-            Renderer::Device => canvas.picture(&model, &look, size, quality).await,
+            // Nothing is drawn until what a finer picture needs has arrived; then it is asked for again.
+            Renderer::Device => match canvas.picture(&model, &look, size, quality).await.transpose() {
+                Some(picture) => picture,
+                None => continue,
+            },
         };
         let milliseconds = start.elapsed().as_secs_f64() * 1e3;
         // Nobody receives once the view is closed.

@@ -1,12 +1,17 @@
-//! Any bytes as an `.adj` file: opened, checked, walked in every order of its lanes, transposed and drawn; its levels too.
+//! Any bytes as an `.adj` file: opened, checked, walked in every order of its lanes, transposed and drawn; its levels too. Its
+//! directory is fetched as from a server.
 //!
 //! Checksums stop most of what a fuzzer does, so they are put right first unless the first bit of the input's last
 //! byte says not to; that byte is then dropped.
 #![no_main]
 
+use std::ops::Range;
+
 use adjsplat::internals::transpose;
-use adjsplat::arena::{Arena, Lane, LaneSet};
+use adjsplat::arena::{Arena, Directory, Lane, LaneSet};
 use adjsplat::classify::TransferFunction;
+use adjsplat::error::Result;
+use adjsplat::limits::Limits;
 use adjsplat::splat::{Camera, Orbit, Scene, Settings, Surround, cpu};
 use adjsplat::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, walk};
 use adjsplat::volume::Axis;
@@ -18,12 +23,36 @@ fuzz_target!(|input: &[u8]| {
     if choice & 1 == 0 {
         repair::checksums(&mut file);
     }
-    let Ok(arena) = Arena::new(&file) else { return };
+    let opened = Arena::new(&file);
+    let begun = begin(&file);
+    assert_eq!(opened.is_ok(), begun.is_ok(), "a file on a server is refused where a whole one is");
+    let Ok(arena) = opened else { return };
     let sound = arena.check().is_ok();
     for level in 0..=arena.level_count() {
         use_up(&arena.level(level).expect("levels opened with the file"), sound, *choice);
     }
 });
+
+/// Fetches the directory of a file, with those of its levels, as from a server.
+fn begin(file: &[u8]) -> Result<Directory> {
+    let bytes = |range: &Range<u64>| file[range.start as usize..range.end as usize].to_vec();
+    let (len, limits) = (file.len() as u64, Limits::default());
+    let mut directory = Directory::new(&bytes(&(0..len.min(Directory::HEAD))), len, &limits, "fuzz")?;
+    let heads: Vec<_> = directory.level_heads().iter().map(bytes).collect();
+    directory.add_levels(&heads, &limits, "fuzz")?;
+    while let [range, ..] = &directory.wanted(1 << 20)[..] {
+        directory.append(&bytes(range))?;
+    }
+    for level in (0..=directory.level_count()).filter_map(|level| directory.level(level)) {
+        for axis in Axis::ALL {
+            let ends = level.parts(axis, 64..=1 << 10).into_iter().flat_map(|part| part.ranges).map(|range| range.end);
+            assert!(ends.max().unwrap_or(0) <= len, "parts lie in the file");
+        }
+    }
+    // Damage of the content is told, or is not there.
+    let _ = directory.check("fuzz");
+    Ok(directory)
+}
 
 fn use_up(arena: &Arena, sound: bool, choice: u8) {
     let dims = arena.facts().grid.dims;

@@ -76,18 +76,18 @@ impl Resident {
         GpuRenderer { scene, looks: None, resident: self }
     }
 
-    /// Takes records of a lane of level 0 whose channels are not in memory: the steps, values, normals, magnitudes and coverages of
-    /// those from `first`, a multiple of 4, on. Voxels that have not arrived are not drawn.
+    /// Takes records of a lane of `level` whose channels are not in memory: the steps, values, normals, magnitudes and coverages of
+    /// those from `first`, a multiple of 4, on. Level 0 has the voxels themselves. Voxels that have not arrived are not drawn.
     ///
     /// # Errors
     /// [`Error::Limit`] if the lane is too large for the device; [`Error::Input`] if its tiles are damaged or the records are
     /// not its own; [`Error::Device`].
-    pub async fn receive(&mut self, lane: &Lane<'_>, first: u64, channels: [&[u8]; 5]) -> Result<()> {
+    pub async fn receive(&mut self, level: usize, lane: &Lane<'_>, first: u64, channels: [&[u8]; 5]) -> Result<()> {
         let context = self.context.clone();
-        context.watch(async || self.take(lane, first, channels)).await
+        context.watch(async || self.take(level, lane, first, channels)).await
     }
 
-    fn take(&mut self, lane: &Lane, first: u64, channels: [&[u8]; 5]) -> Result<()> {
+    fn take(&mut self, level: usize, lane: &Lane, first: u64, channels: [&[u8]; 5]) -> Result<()> {
         let records = lane.elsewhere.map_or(0, |elsewhere| elsewhere.records);
         let count = channels[0].len() as u64;
         let widths = lane.channels.widths();
@@ -99,10 +99,10 @@ impl Resident {
         if !is_own {
             return Err(Error::input("records", "are not those of a lane whose channels are not in memory"));
         }
-        let place = match self.slabs.iter().position(|slab| slab.is_lane(0, lane.axis)) {
+        let place = match self.slabs.iter().position(|slab| slab.is_lane(level, lane.axis)) {
             Some(place) => place,
             None => {
-                self.add_lane(lane)?;
+                self.add_lane(level, lane)?;
                 self.slabs.len() - 1
             }
         };
@@ -124,7 +124,7 @@ impl Resident {
     }
 
     /// Puts the tiles and line ends of a lane on the device, and room for its channels; if need be in place of other lanes.
-    fn add_lane(&mut self, lane: &Lane) -> Result<()> {
+    fn add_lane(&mut self, level: usize, lane: &Lane) -> Result<()> {
         let mut next = 0;
         for tile in lane.tiles {
             if tile.first_record.get() != next {
@@ -145,20 +145,20 @@ impl Resident {
         while !self.slabs.is_empty() && need + self.slabs.iter().map(SlabBuffers::bytes).sum::<u64>() > have {
             self.slabs.remove(0);
         }
-        let slab = SlabBuffers::new(&self.context, 0, lane, true, sizes)?;
+        let slab = SlabBuffers::new(&self.context, level, lane, true, sizes)?;
         slab.upload(&self.context, lane, &tiles)?;
         self.slabs.push(slab);
         Ok(())
     }
 
-    /// Returns whether all records of level 0's lane along `axis` are on the device.
-    pub fn has_lane(&self, axis: Axis) -> bool {
-        self.slabs.iter().any(|slab| slab.is_lane(0, axis) && slab.missing == 0)
+    /// Returns whether all records of the lane of `level` along `axis` are on the device.
+    pub fn has_lane(&self, level: usize, axis: Axis) -> bool {
+        self.slabs.iter().any(|slab| slab.is_lane(level, axis) && slab.missing == 0)
     }
 
-    /// Frees level 0's lane along `axis`, if it is on the device.
-    pub fn forget_lane(&mut self, axis: Axis) {
-        self.slabs.retain(|slab| (slab.level, slab.axis) != (0, axis));
+    /// Frees the lane of `level` along `axis`, if it is on the device.
+    pub fn forget_lane(&mut self, level: usize, axis: Axis) {
+        self.slabs.retain(|slab| (slab.level, slab.axis) != (level, axis));
     }
 
     /// Reads those tiles of a lane of level 0 back into memory whose voxels may lie in a box that `wants` accepts. The lane's channels
