@@ -82,6 +82,21 @@ globalThis.screen_pixels = async () => {
 """
 
 
+# Notes in `seen` what is shown: the quality, whether all of it has arrived, and the bytes that were fetched so far.
+WATCH = """
+globalThis.seen = [];
+const watch = () => {
+  const { quality, whole, fetched, finished } = globalThis.adjsplat?.state() ?? {};
+  const last = seen.at(-1);
+  if (quality && (last?.quality !== quality || last.whole !== whole || last.finished !== finished)) {
+    seen.push({ quality, whole, finished, fetched: fetched[0] });
+  }
+  requestAnimationFrame(watch);
+};
+watch();
+"""
+
+
 class Serving:
     """`adj serve` and the links that it printed."""
 
@@ -123,11 +138,11 @@ class Plain(http.server.SimpleHTTPRequestHandler):
             time.sleep(IMPATIENT / 4)
 
 
-class Slow(Plain):
-    """A server that takes long to send ranges, and that waits with the records of the second part until it is told."""
+class Ranges(Plain):
+    """A server that knows ranges."""
 
-    asked = 0
-    may_go_on = threading.Event()
+    def before(self, start, end, whole):
+        """Waits before it sends the bytes of a range of a file with so many bytes."""
 
     def do_GET(self):
         path = self.translate_path(self.path)
@@ -135,14 +150,10 @@ class Slow(Plain):
         if wanted is None:
             return super().do_GET()
         start, end = map(int, wanted.removeprefix("bytes=").split("-"))
-        Slow.asked += 1
-        time.sleep(0.5)
-        # Before them come the head, the directories of three lanes, and steps, values and normals of the first part.
-        if Slow.asked > 7:
-            Slow.may_go_on.wait(PATIENCE)
         with open(path, "rb") as file:
             whole = file.read()
         part = whole[start : end + 1]
+        self.before(start, start + len(part), len(whole))
         self.send_response(206)
         self.send_header("Content-Length", str(len(part)))
         self.send_header("Content-Range", f"bytes {start}-{start + len(part) - 1}/{len(whole)}")
@@ -153,6 +164,35 @@ class Slow(Plain):
             self.wfile.write(part[: len(part) // 2])
             time.sleep(PATIENCE)
         self.wfile.write(part)
+
+
+class Slow(Ranges):
+    """A server that takes long to send ranges, and that waits with the records of the second part until it is told."""
+
+    asked = 0
+    may_go_on = threading.Event()
+
+    def before(self, start, end, whole):
+        Slow.asked += 1
+        time.sleep(0.5)
+        # Before them come the head, the directories of three lanes, and steps, values and normals of the first part.
+        if Slow.asked > 7:
+            Slow.may_go_on.wait(PATIENCE)
+
+
+class Tenth(Ranges):
+    """A server that sends a tenth of a file, and the rest when it is told."""
+
+    sent = 0
+    lock = threading.Lock()
+    may_go_on = threading.Event()
+
+    def before(self, start, end, whole):
+        with Tenth.lock:
+            is_within = 10 * (Tenth.sent + end - start) <= whole
+            Tenth.sent += end - start if is_within else 0
+        if not is_within:
+            Tenth.may_go_on.wait()
 
 
 def serving(handler, root):
@@ -478,6 +518,62 @@ def check_slow_server(browser, folder):
         server.shutdown()
 
 
+def with_levels(folder):
+    """Names and files with levels of detail: of a phantom, and of a real head where that is there."""
+    flags = ["--levels", "auto", "--quiet"]
+    phantom = os.path.join(folder, "shells.adj")
+    adj("build", "phantom:shells", "--dims", "200x200x200", "-o", phantom, *flags)
+    files = [phantom]
+    head = os.path.join(os.path.dirname(__file__), "../../shared/data/SAG-anon")
+    if os.path.isdir(head):
+        files.append(os.path.join(folder, "SAG-anon.adj"))
+        adj("build", head, "--range", "100..", "-o", files[-1], *flags)
+    else:
+        assert os.environ.get("ADJ_DATA") != "require", f"{head} is absent"
+        print(f"SKIPPED: {head} is absent", file=sys.stderr)
+    return files
+
+
+def check_levels(browser, folder):
+    """Coarse levels of detail are seen first: before a tenth of the file has been sent."""
+    root = shutil.copytree(PAGE, os.path.join(folder, "levels"))
+    server, base = serving(Tenth, root)
+    try:
+        for file in with_levels(root):
+            name, size = os.path.basename(file), os.path.getsize(file)
+            Tenth.sent = 0
+            Tenth.may_go_on.clear()
+            viewer = Viewer(browser, base + "?file=" + name, WATCH)
+            wait("a picture from a tenth of the file", lambda: viewer.state().get("quality"))
+            first = viewer.page.evaluate("seen[0]")
+            assert first["fetched"] <= Tenth.sent <= size / 10, (first, Tenth.sent, size)
+            Tenth.may_go_on.set()
+            near = decibels(viewer.picture(), of_program(file, viewer, folder))
+            seen = viewer.page.evaluate("seen")
+            standard = next(shown["fetched"] for shown in seen if shown["quality"] == "standard" and shown["whole"])
+            rested = viewer.state()["fetched"][0]
+            assert near > NEAR and viewer.state()["quality"] == "high" and viewer.state()["whole"], (near, seen)
+            assert rested < 0.6 * size, f"a lane of level 0, and levels: {seen}"
+            # A full turn: all sides; and from above, for the third lane.
+            for key in "13245":
+                before = viewer.state()["view"]
+                viewer.page.keyboard.press(key)
+                wait("another side", lambda before=before: viewer.state()["view"] != before)
+                viewer.settled()
+                if key == "2":
+                    turn = viewer.state()["fetched"][0]
+            near_above = decibels(viewer.picture(), of_program(file, viewer, folder))
+            fetched = viewer.state()["fetched"][0]
+            shares = {"first picture": first["fetched"], "standard": standard, "high": rested, "turn": turn, "all": fetched}
+            shares = ", ".join(f"{what} {bytes_} ({bytes_ / size:.1%})" for what, bytes_ in shares.items())
+            print(f"{name}, {size} bytes: {shares}; {near:.1f} dB, from above {near_above:.1f} dB")
+            assert near_above > NEAR and fetched < 1.01 * size
+            viewer.close()
+    finally:
+        Tenth.may_go_on.set()
+        server.shutdown()
+
+
 def check_memory(browser, files, folder):
     """Voxels are on the device, not in the program's memory."""
     solid = os.path.join(folder, "solid.adj")
@@ -555,6 +651,7 @@ def main():
         check_drawing(browser, files, folder)
         check_plain_server(browser, files, folder)
         check_slow_server(browser, folder)
+        check_levels(browser, folder)
         check_dropped(browser, files, folder)
         check_memory(browser, files, folder)
         browser.close()
