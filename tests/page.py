@@ -6,6 +6,7 @@ src/view/page/build made. Needs Chromium, playwright, numpy and pillow; WebGPU i
 """
 
 import base64
+import contextlib
 import http.client
 import http.server
 import json
@@ -82,6 +83,21 @@ globalThis.screen_pixels = async () => {
 """
 
 
+# Notes in `seen` what is shown: the quality, whether all that it needs has arrived, and the bytes that were fetched so far.
+WATCH = """
+globalThis.seen = [];
+const watch = () => {
+  const { quality, whole, fetched, finished } = globalThis.adjsplat?.state() ?? {};
+  const last = seen.at(-1);
+  if (quality && (last?.quality !== quality || last.whole !== whole || last.finished !== finished)) {
+    seen.push({ quality, whole, finished, fetched: fetched[0] });
+  }
+  requestAnimationFrame(watch);
+};
+watch();
+"""
+
+
 class Serving:
     """`adj serve` and the links that it printed."""
 
@@ -123,11 +139,11 @@ class Plain(http.server.SimpleHTTPRequestHandler):
             time.sleep(IMPATIENT / 4)
 
 
-class Slow(Plain):
-    """A server that takes long to send ranges, and that waits with the records of the second part until it is told."""
+class Ranges(Plain):
+    """A server that knows ranges."""
 
-    asked = 0
-    may_go_on = threading.Event()
+    def before(self, start, end, whole):
+        """Waits before it sends the bytes of a range of a file with so many bytes."""
 
     def do_GET(self):
         path = self.translate_path(self.path)
@@ -135,14 +151,10 @@ class Slow(Plain):
         if wanted is None:
             return super().do_GET()
         start, end = map(int, wanted.removeprefix("bytes=").split("-"))
-        Slow.asked += 1
-        time.sleep(0.5)
-        # Before them come the head, the directories of three lanes, and steps, values and normals of the first part.
-        if Slow.asked > 7:
-            Slow.may_go_on.wait(PATIENCE)
         with open(path, "rb") as file:
             whole = file.read()
         part = whole[start : end + 1]
+        self.before(start, start + len(part), len(whole))
         self.send_response(206)
         self.send_header("Content-Length", str(len(part)))
         self.send_header("Content-Range", f"bytes {start}-{start + len(part) - 1}/{len(whole)}")
@@ -152,7 +164,37 @@ class Slow(Plain):
         if "stalling" in path and start > 0:
             self.wfile.write(part[: len(part) // 2])
             time.sleep(PATIENCE)
-        self.wfile.write(part)
+        with contextlib.suppress(ConnectionError):  # of a viewer that was closed
+            self.wfile.write(part)
+
+
+class Slow(Ranges):
+    """A server that takes long to send ranges, and that waits with the records of the second part until it is told."""
+
+    asked = 0
+    may_go_on = threading.Event()
+
+    def before(self, start, end, whole):
+        Slow.asked += 1
+        time.sleep(0.5)
+        # Before them come the head, the directories of three lanes, and steps, values and normals of the first part.
+        if Slow.asked > 7:
+            Slow.may_go_on.wait(PATIENCE)
+
+
+class Tenth(Ranges):
+    """A server that sends a tenth of a file, and the rest when it is told."""
+
+    sent = 0
+    lock = threading.Lock()
+    may_go_on = threading.Event()
+
+    def before(self, start, end, whole):
+        with Tenth.lock:
+            is_within = 10 * (Tenth.sent + end - start) <= whole
+            Tenth.sent += end - start if is_within else 0
+        if not is_within:
+            Tenth.may_go_on.wait()
 
 
 def serving(handler, root):
@@ -478,6 +520,63 @@ def check_slow_server(browser, folder):
         server.shutdown()
 
 
+def check_levels(browser, folder):
+    """Coarse levels of detail are seen first: before a tenth of the file has been sent."""
+    root = shutil.copytree(PAGE, os.path.join(folder, "levels"))
+    flags = ["--levels", "auto", "--quiet"]
+    phantom, head = os.path.join(root, "shells.adj"), os.path.join(root, "SAG-anon.adj")
+    adj("build", "phantom:shells", "--dims", "200x200x200", "-o", phantom, *flags)
+    server, base = serving(Tenth, root)
+
+    def begun(file):
+        """A viewer that shows a file's first picture, and the bytes that it had fetched by then."""
+        Tenth.sent = 0
+        Tenth.may_go_on.clear()
+        viewer = Viewer(browser, f"{base}?file={os.path.basename(file)}", WATCH)
+        wait("a picture from a tenth of the file", lambda: viewer.state().get("quality"))
+        first, size = viewer.page.evaluate("seen[0].fetched"), os.path.getsize(file)
+        assert 0 < first <= Tenth.sent <= size / 10, (first, Tenth.sent, size)
+        print(f"{os.path.basename(file)}: the first picture after {first} of {size} bytes, {first / size:.1%}")
+        return viewer, size
+
+    try:
+        viewer, size = begun(phantom)
+        Tenth.may_go_on.set()
+        near = decibels(viewer.picture(), of_program(phantom, viewer, folder))
+        seen = viewer.page.evaluate("seen")
+        rested = viewer.state()["fetched"][0]
+        assert near > NEAR and seen[-1]["quality"] == "high" and seen[-1]["whole"], (near, seen)
+        assert rested < 0.4 * size, f"a lane of the voxels, and one of each level: {seen}"
+        # While more arrives, no picture gives way to a coarser one.
+        ranks = [["draft", "standard", "high"].index(shown["quality"]) for shown in seen]
+        assert ranks == sorted(ranks) and not seen[0]["whole"], seen
+        # From all sides, and from above.
+        fetched = [rested]
+        for key in "13245":
+            before = viewer.state()["view"]
+            viewer.page.keyboard.press(key)
+            wait("another side", lambda before=before: viewer.state()["view"] != before)
+            fetched.append(viewer.settled()["fetched"][0])
+        near_above = decibels(viewer.picture(), of_program(phantom, viewer, folder))
+        print(f"{rested} bytes ({rested / size:.1%}) for the picture at high, {near:.1f} dB; a full turn {fetched[-2]}")
+        print(f"with the view from above {fetched[-1]} ({fetched[-1] / size:.1%}), {near_above:.1f} dB")
+        assert near_above > NEAR and fetched[-2] < fetched[-1] < size, (near_above, fetched)
+        viewer.close()
+
+        # A real head; a device in software takes minutes to draw its voxels.
+        volume = os.path.join(os.path.dirname(__file__), "../../shared/data/SAG-anon")
+        if os.path.isdir(volume):
+            adj("build", volume, "--range", "100..", "-o", head, *flags)
+            viewer, _ = begun(head)
+            viewer.close()
+        else:
+            assert os.environ.get("ADJ_DATA") != "require", f"{volume} is absent"
+            print(f"SKIPPED: {volume} is absent", file=sys.stderr)
+    finally:
+        Tenth.may_go_on.set()
+        server.shutdown()
+
+
 def check_memory(browser, files, folder):
     """Voxels are on the device, not in the program's memory."""
     solid = os.path.join(folder, "solid.adj")
@@ -555,6 +654,7 @@ def main():
         check_drawing(browser, files, folder)
         check_plain_server(browser, files, folder)
         check_slow_server(browser, folder)
+        check_levels(browser, folder)
         check_dropped(browser, files, folder)
         check_memory(browser, files, folder)
         browser.close()

@@ -140,11 +140,11 @@ impl Remote {
     }
 
     /// Returns the lane to fetch next for a picture that needs `wanted`; `finest` is the finest level of which the device has a
-    /// lane. That is a coarser level that takes at most a quarter of the bytes, if there is nothing finer to see meanwhile.
+    /// lane. That is a coarser level that takes at most a third of the bytes, if there is nothing finer to see meanwhile.
     fn next(&self, wanted: LaneOf, finest: Option<usize>) -> LaneOf {
         let bytes = |level| self.directory.level(level).map_or(0, |level| level.channel_bytes(wanted.axis));
         let levels = wanted.level + 1..finest.unwrap_or(self.directory.level_count() + 1);
-        let mut coarser = levels.rev().filter(|level| bytes(*level) <= bytes(wanted.level) / 4);
+        let mut coarser = levels.rev().filter(|level| bytes(*level) <= bytes(wanted.level) / 3);
         LaneOf { level: coarser.next().unwrap_or(wanted.level), ..wanted }
     }
 
