@@ -168,7 +168,7 @@ impl Canvas {
 
     /// Returns the picture of a look, over its background. All models must have the same voxels.
     ///
-    /// While a lane that it needs is being fetched, another one or a coarser level stands in; see [`StandIn`]. There is no picture
+    /// While a lane that it needs is being fetched, another one or a coarser level stands in. There is no picture
     /// at [`Quality::High`] until all that it needs is there.
     ///
     /// # Errors
