@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use adjsplat::arena::layout::{FileHeader, SectionEntry, header_checksum};
 use adjsplat::arena::{Arena, CodeCounts, Directory, Levels};
-use adjsplat::error::Error;
+use adjsplat::error::{Error, Result};
 use adjsplat::limits::Limits;
 use adjsplat::splat::{Lanes as _, Orbit, Settings};
 use adjsplat::traverse::Viewpoint;
@@ -35,11 +35,13 @@ fn begun(file: &[u8]) -> Directory {
     Directory::new(head_of(file), file.len() as u64, &Limits::default(), "ball.adj").unwrap()
 }
 
-fn with_levels(file: &[u8]) -> Directory {
-    let mut directory = begun(file);
+/// The directory of a file that need not be sound, with levels.
+pub(crate) fn opened_from_afar(file: &[u8]) -> Result<Directory> {
+    let limits = Limits::default();
+    let mut directory = Directory::new(head_of(file), file.len() as u64, &limits, "ball.adj")?;
     let heads: Vec<_> = directory.level_heads().iter().map(|range| bytes_of(file, range)).collect();
-    directory.add_levels(&heads, &Limits::default(), "ball.adj").unwrap();
-    directory
+    directory.add_levels(&heads, &limits, "ball.adj")?;
+    Ok(directory)
 }
 
 fn bytes_of(file: &[u8], range: &std::ops::Range<u64>) -> Vec<u8> {
@@ -48,7 +50,7 @@ fn bytes_of(file: &[u8], range: &std::ops::Range<u64>) -> Vec<u8> {
 
 /// The directory, and how many requests it took beside those of the heads.
 fn fetched(file: &[u8], most: u64) -> (Directory, usize) {
-    let (mut directory, mut requests) = (with_levels(file), 0);
+    let (mut directory, mut requests) = (opened_from_afar(file).unwrap(), 0);
     loop {
         let ranges = directory.wanted(most);
         if ranges.is_empty() {
@@ -258,7 +260,7 @@ fn levels_are_those_of_the_file_and_their_directories_come_first() {
     let whole = file_with_levels();
     let arena = Arena::new(&whole).unwrap();
     assert_eq!((arena.level_count(), begun(&whole).level_count()), (2, 0), "their beginnings have to be fetched");
-    let mut directory = with_levels(&whole);
+    let mut directory = opened_from_afar(&whole).unwrap();
     let coarsest = arena.sections().iter().find(|section| section.level() == Some(2)).unwrap();
     let first = directory.wanted(u64::MAX)[0].start;
     assert!((coarsest.offset.get()..coarsest.offset.get() + coarsest.bytes.get()).contains(&first), "{first}");
@@ -320,13 +322,8 @@ fn lying_levels_and_files_are_refused_as_whole_files_are() {
             continue;
         }
         let whole = std::fs::read(&path).unwrap();
-        let limits = Limits::default();
-        let begun = Directory::new(head_of(&whole), whole.len() as u64, &limits, "a.adj").and_then(|mut directory| {
-            let heads: Vec<_> = directory.level_heads().iter().map(|range| bytes_of(&whole, range)).collect();
-            directory.add_levels(&heads, &limits, "a.adj")
-        });
-        match (Arena::new(&whole), begun) {
-            (Ok(_), Ok(())) => opened += 1,
+        match (Arena::new(&whole), opened_from_afar(&whole)) {
+            (Ok(_), Ok(_)) => opened += 1,
             (Err(want), Err(Error::Format { fault, .. })) => {
                 assert_eq!(fault.to_string(), want.to_string(), "{}", path.display());
                 refused += 1;

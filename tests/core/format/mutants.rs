@@ -1,8 +1,8 @@
 //! Mutants: 200,000 files that were sound before something was done to them.
 //!
-//! Each lies in an allocation of exactly its length and is opened, checked and, if it opens, walked, transposed and
-//! drawn ([`crate::format::consume`]): no panic, no read outside, and bounded work, as no walk visits more records than there
-//! are. There are three kinds ([`crate::format::mutate`]):
+//! Each lies in an allocation of exactly its length and is opened (also as one on a server, with the same verdict), checked
+//! and, if it opens, walked, transposed and drawn ([`crate::format::consume`]): no panic, no read outside, and bounded work, as
+//! no walk visits more records than there are. There are three kinds ([`crate::format::mutate`]):
 //!
 //! * *Damage*, half of all: bits flip, bytes go, come and move, examples are spliced. No checksum is repaired.
 //!   **Detects** means: opening or the check refuses every file that is not byte for byte one of the examples.
@@ -26,6 +26,7 @@ use adjsplat_tests::at_full;
 use adjsplat_tests::random::Random;
 use xxhash_rust::xxh3::xxh3_64;
 
+use crate::directory::opened_from_afar;
 use crate::format::assemble::Parts;
 use crate::format::consume::{Looks, use_up};
 use crate::format::mutate::{damaged, lying, rebuilt};
@@ -122,7 +123,10 @@ fn judge(seed: u64, examples: &Examples, looks: &Looks, tally: &mut Tally) {
     let is_example = examples.files.iter().any(|example| **example == *file);
     tally.examples += u64::from(is_example);
     let start = Instant::now();
-    let arena = match Arena::new(&file) {
+    let from_afar = opened_from_afar(&file);
+    let opened = Arena::new(&file);
+    assert_eq!(from_afar.is_ok(), opened.is_ok(), "seed {seed}: {from_afar:?}, but as a whole {opened:?}");
+    let arena = match opened {
         Ok(arena) => arena,
         Err(fault) => {
             assert!(!is_example, "seed {seed}: an example is refused: {fault}");
