@@ -1,7 +1,7 @@
 //! Pictures in the window: each is uploaded once, and painted by one triangle.
 //!
-//! Where the processor paints the window, this takes a fifth of the time of egui's own shader: 6 ms instead of 33 for a picture
-//! of 960 x 650 (Mesa 22.3, two cores, processor time).
+//! Where the processor paints the window, this takes a ninth of the time of egui's own shader: 5 ms instead of 49 for
+//! 1280 x 720 pixels (Mesa 22.3, two cores, processor time).
 
 use std::sync::{Arc, Weak};
 
