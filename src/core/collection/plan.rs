@@ -159,7 +159,8 @@ impl Plan {
     /// the whole.
     ///
     /// # Errors
-    /// [`Error::Input`] if an option or the grid is out of range, or if cuts divide blocks of the levels; [`Error::Limit`] if there are more than a million bricks.
+    /// [`Error::Input`] if an option or the grid is out of range, or if cuts divide blocks of the levels; [`Error::Limit`] if there
+    /// are more than a million bricks.
     pub fn new(header: &Header, options: BuildOptions, bricks: &[[u32; 3]]) -> Result<Plan> {
         let Header { grid, sample_type, slope, intercept, name, format } = header.clone();
         let (format, bricks, found) = (format.into(), bricks.to_vec(), Found::default());
