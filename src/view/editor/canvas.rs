@@ -196,9 +196,9 @@ pub(super) fn gradient(ui: &mut Ui, list: &mut PointList, state: &mut Canvases, 
         change = Change::Done;
     }
     if let Some(ramp) = &mut list.gradient {
-        // Beyond the last point, so that it can be dragged there.
-        let high = (1.25 * ramp.ends()[1]).max(stored.largest_magnitude.unwrap_or(0.0));
-        let ends = [0.0, if high > 0.0 { high } else { 1.0 }];
+        // As far again beyond the last point, so that it can be dragged there.
+        let last = ramp.ends()[1];
+        let ends = [0.0, if last > 0.0 { 2.0 * last } else { 1.0 }];
         let fill = ui.visuals().text_color();
         let (dragged, axes) = canvas(ui, ramp, (Which::Factors, ends), state, |_| fill, (|_, _| Vec::new(), |_, _| {}));
         show_ends(ui, axes.ends);
@@ -335,8 +335,8 @@ fn numbers<P: CurvePoint>(
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "columns of a screen")]
 fn histogram(stored: &StoredValues, columns: usize, [low, high]: [f64; 2]) -> Vec<f32> {
     let mut counts = vec![0u64; columns];
-    // Few values are wide bars.
-    let width = (columns as f64 / stored.counts.len() as f64).max(1.0);
+    // Few values are wide bars, which touch.
+    let width = (stored.step / (high - low) * columns as f64).max(1.0);
     for (code, count) in stored.counts.iter().enumerate().filter(|(_, count)| **count > 0) {
         let middle = (stored.value(code) - low) / (high - low) * columns as f64;
         let [from, to] = [middle - width / 2.0, middle + width / 2.0].map(|end| end.round().max(0.0) as usize);
@@ -376,12 +376,15 @@ mod tests {
         let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![0, 100, 0, 9, 0], largest_magnitude: None };
         let bars = histogram(&stored, 100, [0.0, 4.0]);
         let high: Vec<usize> = (0..100).filter(|column| bars[*column] == 1.0).collect();
-        assert_eq!((high[0], high.len()), (15, 20), "around value 1");
+        assert_eq!((high[0], high.len()), (13, 25), "around value 1");
         assert!(bars[75] > 0.4 && bars[75] < 0.6 && bars[50] == 0.0 && bars[99] == 0.0, "{bars:?}");
+        // Bars of neighbours touch.
+        let stored = StoredValues { counts: vec![1; 5], ..stored };
+        assert_eq!(histogram(&stored, 77, [0.0, 4.0]), [1.0; 77]);
         // More values than columns: the most frequent one counts.
         let stored = StoredValues { counts: (0..1000).map(|code| code % 7).collect(), ..stored };
         assert!(histogram(&stored, 50, [0.0, 999.0]).iter().all(|share| *share == 1.0));
-        assert_eq!(histogram(&stored, 0, [0.0, 999.0]), []);
+        assert!(histogram(&stored, 0, [0.0, 999.0]).is_empty());
     }
 
     #[test]

@@ -181,9 +181,12 @@ fn ramp_of(harness: &Harness<'_, State>) -> Vec<[f64; 2]> {
 }
 
 /// Returns the place of a magnitude and a factor on the ramp's canvas.
+#[expect(clippy::cast_possible_truncation, reason = "points of the screen")]
 fn on_ramp(harness: &Harness<'_, State>, magnitude: f32, factor: f32) -> Pos2 {
     let inner = harness.get_by_label("Factor by gradient").rect().shrink2(egui::vec2(6.0, 7.0));
-    pos2(inner.left() + magnitude / 10.0 * inner.width(), inner.bottom() - factor * inner.height())
+    // The axis ends at twice the last magnitude.
+    let end = 2.0 * ramp_of(harness).last().expect("a ramp")[0] as f32;
+    pos2(inner.left() + magnitude / end * inner.width(), inner.bottom() - factor * inner.height())
 }
 
 fn drag(harness: &mut Harness<'_, State>, from: Pos2, to: Pos2) {
