@@ -399,7 +399,8 @@ fn in_a_narrow_window_messages_are_whole_and_the_view_keeps_its_size() {
     let folder = tempfile::tempdir().unwrap();
     let path = file(folder.path());
     let show = move |ui: &mut egui::Ui, viewer: &mut Option<Viewer>| {
-        let new = || Viewer::new(ui.ctx(), &[path.clone()], RecentFiles::default(), Renderer::Processor);
+        let files = std::slice::from_ref(&path);
+        let new = || Viewer::new(ui.ctx(), files, RecentFiles::default(), Renderer::Processor);
         viewer.get_or_insert_with(new).show(ui);
     };
     let mut driven: Driven = builder().with_size(vec2(700.0, 600.0)).build_ui_state(show, None);
