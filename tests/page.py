@@ -528,18 +528,32 @@ def check_levels(browser, folder):
     adj("build", "phantom:shells", "--dims", "200x200x200", "-o", phantom, *flags)
     server, base = serving(Tenth, root)
 
-    def begun(file):
+    def begun(file, window=SIZE):
         """A viewer that shows a file's first picture, and the bytes that it had fetched by then."""
         Tenth.sent = 0
         Tenth.may_go_on.clear()
-        viewer = Viewer(browser, f"{base}?file={os.path.basename(file)}", WATCH)
+        viewer = Viewer(browser, f"{base}?file={os.path.basename(file)}", WATCH, window)
         wait("a picture from a tenth of the file", lambda: viewer.state().get("quality"))
         first, size = viewer.page.evaluate("seen[0].fetched"), os.path.getsize(file)
         assert 0 < first <= Tenth.sent <= size / 10, (first, Tenth.sent, size)
         print(f"{os.path.basename(file)}: the first picture after {first} of {size} bytes, {first / size:.1%}")
         return viewer, size
 
+    def gets_finer(seen):
+        """Whether no picture gives way to a coarser one while more arrives."""
+        ranks = [["draft", "standard", "high"].index(shown["quality"]) for shown in seen]
+        return ranks == sorted(ranks) and not seen[0]["whole"]
+
     try:
+        # In a narrow window the last line has no room for what is fetched.
+        viewer, _ = begun(phantom, {"width": 700, "height": 600})
+        Tenth.may_go_on.set()
+        viewer.settled()
+        seen = viewer.page.evaluate("seen")
+        print(f"a window of 700 pixels: {[shown['quality'] for shown in seen]}")
+        assert gets_finer(seen), seen
+        viewer.close()
+
         viewer, size = begun(phantom)
         Tenth.may_go_on.set()
         near = decibels(viewer.picture(), of_program(phantom, viewer, folder))
@@ -547,9 +561,7 @@ def check_levels(browser, folder):
         rested = viewer.state()["fetched"][0]
         assert near > NEAR and seen[-1]["quality"] == "high" and seen[-1]["whole"], (near, seen)
         assert rested < 0.4 * size, f"a lane of the voxels, and one of each level: {seen}"
-        # While more arrives, no picture gives way to a coarser one.
-        ranks = [["draft", "standard", "high"].index(shown["quality"]) for shown in seen]
-        assert ranks == sorted(ranks) and not seen[0]["whole"], seen
+        assert gets_finer(seen), seen
         # From all sides, and from above.
         fetched = [rested]
         for key in "13245":
@@ -619,9 +631,12 @@ def check_dropped(browser, files, folder):
         fetched, whole = viewer.state()["fetched"]
         print(f"dropped: {fetched} of {whole} bytes read; {near:.1f} dB")
         assert near > NEAR and fetched < 0.5 * whole
-        viewer.page.evaluate(drop, ["index.html", "engine.nii.gz", 500])
-        said = viewer.told()
-        assert said.startswith("engine.nii.gz: is no .adj file") and "adj build engine.nii.gz" in said, said
+        for volume in ("engine.nii.gz", "head.nrrd", "brain.mha"):
+            viewer.page.evaluate(drop, ["index.html", volume, 500])
+            about = lambda name=volume: name in (viewer.state().get("message") or "")  # noqa: E731
+            wait(f"a line about {volume}", about)
+            said = viewer.told()
+            assert said.startswith(f"{volume}: is no .adj file") and f"adj build {volume}" in said, said
         viewer.page.keyboard.press("Alt+w")
         wait("no file", lambda: viewer.state()["file"] is None)
         # Larger than a device's largest picture.

@@ -79,6 +79,12 @@ def differs(a, b):
     return (np.abs(a[VIEW] - b[VIEW]).max(axis=2) > 12).mean()
 
 
+def errors(shot):
+    """The number of pixels of text in the colour of errors, where messages are."""
+    red, green, blue = np.moveaxis(shot[40:160, :940], 2, 0)
+    return int(((red > 180) & (green < 60) & (blue < 60)).sum())
+
+
 def main():
     program = os.path.abspath(sys.argv[1])
     without = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
@@ -95,6 +101,8 @@ def main():
             run(program, "build", f"phantom:{name}", "--dims", "96x96x96", "-o", file, "--quiet")
         screen = Screen()
         environment = dict(screen.environment, XDG_STATE_HOME=folder, XDG_RUNTIME_DIR=folder)
+        # No portal and no zenity, so that no dialog for files can be shown.
+        environment.update(DBUS_SESSION_BUS_ADDRESS="unix:path=" + os.path.join(folder, "absent"), PATH=folder)
         viewer = subprocess.Popen([program, "view", files[0]], env=environment)
         try:
             start = time.time()
@@ -116,6 +124,17 @@ def main():
             screen.do("mousemove", 480, 600, "key", "ctrl+z")
             undone = screen.settled()
             assert differs(turned, undone) < 0.01, differs(turned, undone)
+            assert not errors(undone), "an error is said already"
+            screen.do("mousemove", 30, 16, "click", 1)
+            time.sleep(0.5)
+            screen.do("mousemove", 40, 50, "click", 1)
+            said = screen.wait("that there are no dialogs", errors)
+            print(f"without dialogs: a line of {errors(said)} pixels")
+            # A window for a path is open instead.
+            screen.do("type", "--delay", "20", os.path.join(folder, "absent.adj"))
+            screen.do("key", "Return")
+            refused = screen.wait("that the file is absent", lambda shot: 0 < errors(shot) != errors(said))
+            print(f"an absent file: a line of {errors(refused)} pixels")
             screen.do("key", "ctrl+o")
             time.sleep(0.5)
             screen.do("type", "--delay", "20", files[1])

@@ -21,10 +21,18 @@ pub(crate) enum Purpose {
     SaveTransfer,
 }
 
+/// That the desktop shows no dialogs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(target_arch = "wasm32", expect(dead_code, reason = "browsers show dialogs"))]
+pub(crate) struct NoDialog;
+
+/// What was chosen; `None` if the dialog was cancelled.
+type Choice = Result<Option<Place>, NoDialog>;
+
 /// A dialog that is open.
 pub(crate) struct Dialog {
     purpose: Purpose,
-    result: Receiver<Option<Place>>,
+    result: Receiver<Choice>,
 }
 
 impl Dialog {
@@ -33,28 +41,28 @@ impl Dialog {
         let (sender, result) = channel();
         let context = context.clone();
         crate::background::run(async move || {
-            let place = choose(purpose).await;
+            let choice = choose(purpose).await;
             // Nobody receives if the window was closed.
-            let _ = sender.send(place);
+            let _ = sender.send(choice);
             context.request_repaint();
         });
         Dialog { purpose, result }
     }
 
-    /// Returns what was chosen once the dialog is closed; `None` inside if it was cancelled.
-    pub(crate) fn result(&self) -> Option<(Purpose, Option<Place>)> {
+    /// Returns what was chosen once the dialog is closed.
+    pub(crate) fn result(&self) -> Option<(Purpose, Choice)> {
         match self.result.try_recv() {
-            Ok(place) => Some((self.purpose, place)),
+            Ok(choice) => Some((self.purpose, choice)),
             Err(std::sync::mpsc::TryRecvError::Empty) => None,
-            Err(std::sync::mpsc::TryRecvError::Disconnected) => Some((self.purpose, None)),
+            Err(std::sync::mpsc::TryRecvError::Disconnected) => Some((self.purpose, Ok(None))),
         }
     }
 }
 
 #[cfg(not(target_arch = "wasm32"))]
-async fn choose(purpose: Purpose) -> Option<Place> {
+async fn choose(purpose: Purpose) -> Choice {
     let dialog = rfd::FileDialog::new();
-    let path = match purpose {
+    let path = failures::noted(|| match purpose {
         Purpose::OpenFile => dialog.set_title("Open a file or a volume").pick_file(),
         Purpose::SavePicture => dialog
             .set_title("Save the picture")
@@ -67,22 +75,84 @@ async fn choose(purpose: Purpose) -> Option<Place> {
         Purpose::SaveTransfer => {
             dialog.set_title("Save the transfer function").set_file_name("transfer.json").save_file()
         }
-    };
-    path.map(Place::Path)
+    })?;
+    Ok(path.map(Place::Path))
+}
+
+/// Whether rfd could show a dialog. It returns the same for a dialog that was cancelled; only its log tells.
+#[cfg(not(target_arch = "wasm32"))]
+mod failures {
+    use std::cell::Cell;
+
+    use super::NoDialog;
+
+    /// Calls `choose`, in which rfd chooses a path.
+    pub(super) fn noted<T>(choose: impl FnOnce() -> Option<T>) -> Result<Option<T>, NoDialog> {
+        // Fails if it is there already. Where the program has another log, a dialog that cannot be shown stays silent.
+        if log::set_logger(&Log).is_ok() {
+            log::set_max_level(log::LevelFilter::Error);
+        }
+        HAS_FAILED.set(false);
+        match choose() {
+            None if HAS_FAILED.get() => Err(NoDialog),
+            chosen => Ok(chosen),
+        }
+    }
+
+    thread_local! {
+        static HAS_FAILED: Cell<bool> = const { Cell::new(false) };
+    }
+
+    /// Where the last resort, zenity, fails; before it, the portal failed, which modules below it tell.
+    const LAST_RESORT: &str = "rfd::backend::xdg_desktop_portal";
+
+    struct Log;
+
+    impl log::Log for Log {
+        fn enabled(&self, record: &log::Metadata<'_>) -> bool {
+            record.target() == LAST_RESORT
+        }
+
+        fn log(&self, record: &log::Record<'_>) {
+            if self.enabled(record.metadata()) {
+                HAS_FAILED.set(true);
+            }
+        }
+
+        fn flush(&self) {}
+    }
+
+    #[test]
+    fn a_dialog_that_cannot_be_shown_differs_from_one_that_was_cancelled() {
+        assert_eq!(noted(|| None::<u8>), Ok(None));
+        let fails = |target: &str| log::error!(target: target, "Failed");
+        assert_eq!(noted(|| Some(3).inspect(|_| fails("rfd::backend::xdg_desktop_portal::portal"))), Ok(Some(3)));
+        let portal_alone = || -> Option<u8> {
+            fails("rfd::backend::xdg_desktop_portal::portal");
+            None
+        };
+        assert_eq!(noted(portal_alone), Ok(None));
+        let both = || -> Option<u8> {
+            fails(LAST_RESORT);
+            None
+        };
+        assert_eq!(noted(both), Err(NoDialog));
+        assert_eq!(noted(|| None::<u8>), Ok(None));
+    }
 }
 
 #[cfg(target_arch = "wasm32")]
-async fn choose(purpose: Purpose) -> Option<Place> {
-    match purpose {
+async fn choose(purpose: Purpose) -> Choice {
+    Ok(match purpose {
         Purpose::OpenFile => {
-            let file = crate::page::choose(".adj").await?;
-            Some(Place::Chosen(Arc::new(SendWrapper::new(file))))
+            let file = crate::page::choose(".adj").await;
+            file.map(|file| Place::Chosen(Arc::new(SendWrapper::new(file))))
         }
-        Purpose::LoadTransfer => {
-            let file = crate::page::choose(".json").await?;
-            Some(Place::Bytes(file.name(), Arc::new(crate::page::read(&file).await?)))
-        }
+        Purpose::LoadTransfer => match crate::page::choose(".json").await {
+            Some(file) => crate::page::read(&file).await.map(|bytes| Place::Bytes(file.name(), Arc::new(bytes))),
+            None => None,
+        },
         Purpose::SavePicture => Some(Place::Path("picture.png".into())),
         Purpose::SaveTransfer => Some(Place::Path("transfer.json".into())),
-    }
+    })
 }

@@ -395,6 +395,37 @@ fn what_cannot_be_opened_is_said_in_one_line() {
 }
 
 #[test]
+fn in_a_narrow_window_messages_are_whole_and_the_view_keeps_its_size() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path());
+    let show = move |ui: &mut egui::Ui, viewer: &mut Option<Viewer>| {
+        let files = std::slice::from_ref(&path);
+        let new = || Viewer::new(ui.ctx(), files, RecentFiles::default(), Renderer::Processor);
+        viewer.get_or_insert_with(new).show(ui);
+    };
+    let mut driven: Driven = builder().with_size(vec2(700.0, 600.0)).build_ui_state(show, None);
+    wait(&mut driven, "opening", |viewer| viewer.documents().len() == 1);
+    wait(&mut driven, "drawing", |viewer| viewer.documents()[0].painter.is_finished());
+    let size = document(&driven).painter.shown().unwrap().size;
+    let view = driven.get_by_label("View of ball.adj").rect();
+    // A line that no window of this width shows in one row.
+    let absent = folder.path().join(format!("{}.adj", "a".repeat(120)));
+    let context = driven.ctx.clone();
+    driven.state_mut().as_mut().unwrap().open(&context, Place::Path(absent));
+    driven.step();
+    assert!(driven.query_by_label("Cancel").is_some(), "what goes on is shown");
+    assert_eq!(driven.get_by_label("View of ball.adj").rect(), view);
+    wait(&mut driven, "refusing", |viewer| viewer.message().is_some());
+    (0..3).for_each(|_| driven.step());
+    let message = viewer(&driven).message().unwrap().to_owned();
+    let said = driven.get_by_label(&message).rect();
+    assert!(view.contains_rect(said) && said.height() > 30.0, "{said:?} is not in {view:?}");
+    assert_eq!(driven.get_by_label("View of ball.adj").rect(), view);
+    let Document { painter, .. } = document(&driven);
+    assert!(painter.is_finished() && painter.shown().unwrap().size == size, "drawn anew");
+}
+
+#[test]
 fn two_files_are_tabs_and_can_be_linked_side_by_side() {
     let folder = tempfile::tempdir().unwrap();
     let path = file(folder.path());

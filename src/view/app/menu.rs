@@ -3,7 +3,7 @@
 use adjsplat::TransferFunction;
 use adjsplat::error::Error;
 use adjsplat::splat::Quality;
-use egui::{Context, ProgressBar, Theme, Ui};
+use egui::{Context, Label, ProgressBar, Theme, Ui};
 
 use super::{Viewer, full};
 use crate::dialog::{Dialog, Purpose};
@@ -28,7 +28,7 @@ impl Viewer {
                     false => ("Path…", "Type a path; a folder of DICOM slices, for example"),
                 };
                 if ui.button(title).on_hover_text(what).clicked() {
-                    self.typed_path = Some(String::new());
+                    self.typed_path = Some((Purpose::OpenFile, String::new()));
                     ui.close();
                 }
                 ui.separator();
@@ -141,38 +141,23 @@ impl Viewer {
         }
     }
 
+    /// The last line. It has one height, as the views would change their sizes with it: what is too long for it ends in "…".
     pub(super) fn status(&mut self, ui: &mut Ui) {
         ui.add_space(2.0);
-        ui.horizontal_wrapped(|ui| {
-            for opening in &self.openings {
-                let (phase, share) = opening.progress();
-                ui.label(format!("{phase}: {}", opening.place.name()));
-                ui.add(ProgressBar::new(share).desired_width(140.0));
-                if ui.button("Cancel").clicked() {
-                    opening.cancel();
-                }
-            }
+        ui.horizontal(|ui| {
             for document in &self.documents {
                 if let Some((lane, share)) = document.painter.canvas().remote().and_then(|remote| remote.fetching()) {
                     let voxels = match lane.level {
                         0 => "the voxels".into(),
                         level => format!("level {level}"),
                     };
-                    ui.label(format!("Fetching {voxels} of {} along {}", document.title, lane.axis.name()));
                     ui.add(ProgressBar::new(share).desired_width(140.0));
+                    let text = format!("Fetching {voxels} of {} along {}.", document.title, lane.axis.name());
+                    ui.add(Label::new(text).truncate());
                 }
             }
-            for saving in &self.savings {
-                ui.label(format!("Drawing {} of {}", saving.done() + 1, saving.frames));
-                if ui.button("Cancel").clicked() {
-                    saving.cancel();
-                }
-            }
-            if let Some((text, is_error)) = &self.message {
-                let colour = if *is_error { ui.visuals().error_fg_color } else { ui.visuals().text_color() };
-                ui.colored_label(colour, text);
-            } else if let Some(document) = self.documents.get(self.active) {
-                ui.label(describe(document));
+            if let Some(document) = self.documents.get(self.active) {
+                ui.add(Label::new(describe(document)).truncate());
             }
         });
         ui.add_space(2.0);

@@ -10,7 +10,7 @@ use adjsplat::TransferFunction;
 use adjsplat::error::{Error, Result};
 use egui::{CentralPanel, Context, Key, Modifiers, Panel, Theme, Ui};
 
-use crate::dialog::{Dialog, Purpose};
+use crate::dialog::{Dialog, NoDialog, Purpose};
 use crate::document::Document;
 use crate::draw::Renderer;
 use crate::look::SIDES;
@@ -35,8 +35,8 @@ pub struct Viewer {
     is_linked: bool,
     is_side_by_side: bool,
     has_panel: bool,
-    /// The path that is typed, while the window for it is open.
-    typed_path: Option<String>,
+    /// The path that is typed and what it is for, while the window for it is open.
+    typed_path: Option<(Purpose, String)>,
     /// How the next picture is saved, while the window for it is open.
     form: Option<PictureForm>,
     form_is_open: bool,
@@ -117,8 +117,8 @@ impl Viewer {
                 self.answer(&context, request);
             });
         }
-        CentralPanel::no_frame().show(ui, |ui| self.views(ui));
-        self.windows(&context);
+        let views = CentralPanel::no_frame().show(ui, |ui| self.views(ui)).response.rect;
+        self.windows(&context, views);
     }
 
     fn follow_theme(&mut self, context: &Context) {
@@ -182,10 +182,15 @@ impl Viewer {
                 Err(fault) => (full(&fault), true),
             });
         }
-        if let Some((purpose, place)) = self.dialog.as_ref().and_then(Dialog::result) {
+        if let Some((purpose, choice)) = self.dialog.as_ref().and_then(Dialog::result) {
             self.dialog = None;
-            if let Some(place) = place {
-                self.chosen(context, purpose, place);
+            match choice {
+                Ok(Some(place)) => self.chosen(context, purpose, place),
+                Ok(None) => {}
+                Err(NoDialog) => {
+                    self.typed_path = Some((purpose, String::new()));
+                    self.message = Some((NO_DIALOG.into(), true));
+                }
             }
         }
         for document in &mut self.documents {
@@ -242,7 +247,7 @@ impl Viewer {
         }
         let pressed = |modifiers, key| context.input_mut(|input| input.consume_key(modifiers, key));
         if pressed(Modifiers::COMMAND, Key::O) {
-            self.typed_path = Some(String::new());
+            self.typed_path = Some((Purpose::OpenFile, String::new()));
         }
         // A browser closes the page by Ctrl+W.
         let closes = if cfg!(target_arch = "wasm32") { Modifiers::ALT } else { Modifiers::COMMAND };
@@ -281,6 +286,10 @@ impl Viewer {
         self.active = self.active.min(self.documents.len().saturating_sub(1));
     }
 }
+
+/// What is said where there is no dialog for files.
+const NO_DIALOG: &str = "this desktop has no dialogs for files (neither a portal, xdg-desktop-portal, nor zenity); type a path. Files \
+    to open can also be dragged into the window, or named after adj view";
 
 /// Reads the transfer function at a place.
 fn transfer_at(place: &Place) -> Result<TransferFunction> {

@@ -1,7 +1,7 @@
-//! The windows for a typed path and for saving a picture.
+//! What lies over the views: windows for a typed path and for saving a picture, and what goes on.
 
 use adjsplat::splat::Quality;
-use egui::{Button, Context, Key, Window};
+use egui::{Area, Button, Context, Frame, Key, Label, ProgressBar, Rect, Window, vec2};
 
 use super::Viewer;
 use crate::dialog::{Dialog, Purpose};
@@ -11,38 +11,83 @@ use crate::panel::QUALITIES;
 use crate::save::PictureForm;
 
 impl Viewer {
-    pub(super) fn windows(&mut self, context: &Context) {
+    /// Shows them; `views` is where the views are.
+    pub(super) fn windows(&mut self, context: &Context, views: Rect) {
+        self.notices(context, views);
         self.path_window(context);
         self.picture_window(context);
     }
 
+    /// Files that are being opened and pictures that are being saved, and the last message, in a corner of the views.
+    fn notices(&self, context: &Context, views: Rect) {
+        if self.openings.is_empty() && self.savings.is_empty() && self.message.is_none() {
+            return;
+        }
+        let style = context.global_style();
+        let frame = Frame::window(&style).shadow(egui::Shadow::NONE).inner_margin(8.0);
+        Area::new(egui::Id::unique("notices")).fixed_pos(views.min + vec2(10.0, 10.0)).show(context, |ui| {
+            frame.show(ui, |ui| {
+                ui.set_max_width(views.width() - 40.0);
+                for opening in &self.openings {
+                    let (phase, share) = opening.progress();
+                    ui.horizontal(|ui| {
+                        if ui.button("Cancel").clicked() {
+                            opening.cancel();
+                        }
+                        ui.add(ProgressBar::new(share).desired_width(140.0));
+                        ui.add(Label::new(format!("{phase}: {}", opening.place.name())).truncate());
+                    });
+                }
+                for saving in &self.savings {
+                    ui.horizontal(|ui| {
+                        if ui.button("Cancel").clicked() {
+                            saving.cancel();
+                        }
+                        ui.label(format!("Drawing {} of {}", saving.done() + 1, saving.frames));
+                    });
+                }
+                if let Some((text, is_error)) = &self.message {
+                    let colour = if *is_error { ui.visuals().error_fg_color } else { ui.visuals().text_color() };
+                    ui.add(Label::new(egui::RichText::new(text).color(colour)).wrap());
+                }
+            });
+        });
+    }
+
     fn path_window(&mut self, context: &Context) {
-        let Some(text) = &mut self.typed_path else { return };
+        let Some((purpose, text)) = &mut self.typed_path else { return };
+        let purpose = *purpose;
         let mut is_open = true;
         let mut chosen = false;
-        let (title, example) = match cfg!(target_arch = "wasm32") {
-            true => ("Open an address", "head.adj"),
-            false => ("Open a path", "/data/head.adj"),
+        let is_page = cfg!(target_arch = "wasm32");
+        let (title, example, verb) = match purpose {
+            Purpose::OpenFile if is_page => ("Open an address", "head.adj", "Open"),
+            Purpose::OpenFile => ("Open a path", "/data/head.adj", "Open"),
+            Purpose::SavePicture => ("Save the picture to a path", "/data/picture.png", "Save"),
+            Purpose::LoadTransfer => ("Load a transfer function from a path", "/data/transfer.json", "Load"),
+            Purpose::SaveTransfer => ("Save the transfer function to a path", "/data/transfer.json", "Save"),
         };
         Window::new(title)
             .open(&mut is_open)
             .collapsible(false)
             .resizable(false)
-            .anchor(egui::Align2::CENTER_TOP, [0.0, 90.0])
+            .anchor(egui::Align2::CENTER_TOP, [0.0, 140.0])
             .show(context, |ui| {
-                let field = ui.add(egui::TextEdit::singleline(text).desired_width(420.0).hint_text(example));
+                let field = ui.add(
+                    egui::TextEdit::singleline(text)
+                        .desired_width(420.0_f32.min(context.content_rect().width() - 60.0))
+                        .hint_text(example),
+                );
                 chosen = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
                 if !chosen && ui.memory(|memory| memory.focused().is_none()) {
                     field.request_focus();
                 }
-                chosen |= ui.button("Open").clicked();
+                chosen |= ui.button(verb).clicked();
             });
         let text = text.trim().to_owned();
         if chosen && !text.is_empty() {
-            self.open(
-                context,
-                if cfg!(target_arch = "wasm32") { Place::Address(text) } else { Place::Path(text.into()) },
-            );
+            let place = if is_page { Place::Address(text) } else { Place::Path(text.into()) };
+            self.chosen(context, purpose, place);
         }
         if !is_open || chosen || context.input(|input| input.key_pressed(Key::Escape)) {
             self.typed_path = None;
@@ -66,7 +111,7 @@ impl Viewer {
             .open(&mut is_open)
             .collapsible(false)
             .resizable(false)
-            .anchor(egui::Align2::CENTER_TOP, [0.0, 90.0])
+            .anchor(egui::Align2::CENTER_TOP, [0.0, 140.0])
             .show(context, |ui| {
                 ui.horizontal(|ui| {
                     ui.add(field(&mut form.size[0], 1..=16_384));

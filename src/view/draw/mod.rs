@@ -218,7 +218,12 @@ fn rank(quality: Quality) -> usize {
 /// # Errors
 /// The errors of the camera, the settings and the renderer.
 pub fn picture(model: &Model, look: &Look, size: [u32; 2], quality: Quality) -> Result<(ColorImage, Work)> {
-    let (frame, stats) = model.render_with_stats(&look.eye.camera()?, &settings(model, look, size, quality)?)?;
+    let mut settings = settings(model, look, size, quality)?;
+    if quality == Quality::Draft {
+        // The view moves. Where the processor paints the window too, it has a processor for that.
+        settings.threads = settings.threads.saturating_sub(1).max(1);
+    }
+    let (frame, stats) = model.render_with_stats(&look.eye.camera()?, &settings)?;
     let work = Work {
         splats: stats.splats_drawn,
         walked: stats.splats_drawn + stats.splats_skipped,

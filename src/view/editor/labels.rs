@@ -121,7 +121,7 @@ mod tests {
     fn table() -> LabelTable {
         let text = r##"{"kind":"labels","labels":[{"label":3,"name":"Liver","colour":"#804020","opacity":0.5},
             {"label":7,"name":"heart","colour":"#ff0000","opacity":0}],"others":"distinct"}"##;
-        let stored = StoredValues { low: 1.0, step: 1.0, counts: vec![0, 4, 9, 0, 5] };
+        let stored = StoredValues { low: 1.0, step: 1.0, counts: vec![0, 4, 9, 0, 5], largest_magnitude: None };
         LabelTable::of(&TransferFunction::from_json(text).unwrap(), &stored)
     }
 

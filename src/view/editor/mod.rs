@@ -3,6 +3,8 @@
 //! In: the function that a model is drawn with, and how often each value is stored. Out: a function after each change. Only
 //! valid functions leave the editor.
 
+mod canvas;
+pub mod curve;
 pub mod history;
 pub mod labels;
 pub mod maps;
@@ -32,6 +34,8 @@ pub struct StoredValues {
     pub step: f64,
     /// For each code the number of voxels; up to the last code that occurs.
     pub counts: Vec<u64>,
+    /// The largest magnitude of a gradient that can be stored; `None` if magnitudes are not.
+    pub largest_magnitude: Option<f64>,
 }
 
 impl StoredValues {
@@ -48,7 +52,13 @@ impl StoredValues {
             // Nothing is stored, or nothing has arrived yet: any value may be.
             counts.resize(1 << facts.channels.value_bits, 0);
         }
-        Ok(StoredValues { low: facts.scales.value_low, step: facts.scales.value_step, counts })
+        let has_magnitudes = facts.channels.magnitude_bits > 0;
+        Ok(StoredValues {
+            low: facts.scales.value_low,
+            step: facts.scales.value_step,
+            counts,
+            largest_magnitude: has_magnitudes.then_some(facts.scales.magnitude_scale),
+        })
     }
 
     /// Returns the lowest and the highest value that a code may stand for; they differ.
@@ -72,8 +82,6 @@ pub enum Edited {
     Labels(LabelTable),
     /// A table of surfaces.
     Surfaces(SurfaceTable),
-    /// A function with a ramp of more than two points by gradient, which stays as it is until another is chosen.
-    Fixed(TransferFunction),
 }
 
 impl Edited {
@@ -84,7 +92,7 @@ impl Edited {
         }
         let points = PointList::of(transfer, stored).map(Edited::Points);
         let edited = points.or_else(|| SurfaceTable::of(transfer).map(Edited::Surfaces));
-        edited.unwrap_or_else(|| Edited::Fixed(transfer.clone()))
+        edited.expect("a function is of points, a range, surfaces, regions or labels")
     }
 
     /// Returns the transfer function.
@@ -96,7 +104,6 @@ impl Edited {
             Edited::Points(points) => points.transfer(),
             Edited::Labels(table) => table.transfer(),
             Edited::Surfaces(table) => table.transfer(),
-            Edited::Fixed(transfer) => Ok(transfer.clone()),
         }
     }
 }

@@ -1,12 +1,15 @@
-//! A transfer function as a list of points that can be dragged.
+//! A transfer function as points that can be dragged: opacities and colours by value, and factors by gradient.
 
 use adjsplat::TransferFunction;
+use adjsplat::classify::FactorPoint;
 use adjsplat::classify::colour::srgb_from_linear;
 use adjsplat::error::Result;
+use adjsplat::limits::{MAX_CONTOURS, MAX_TRANSFER_ENTRIES};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::StoredValues;
+use super::curve::{Curve, CurvePoint};
 use super::maps::{colour_at, mix};
 
 /// A point of a transfer function.
@@ -20,21 +23,56 @@ pub struct EditPoint {
     pub opacity: f64,
 }
 
-/// A ramp of factors on opacities by the magnitude of the gradient: 0 below `from`, 1 above `to`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GradientRamp {
-    /// The largest magnitude that is transparent; 0 or more.
-    pub from: f64,
-    /// The smallest magnitude that has its whole opacity; above `from`.
-    pub to: f64,
+impl CurvePoint for EditPoint {
+    const LEAST: f64 = f64::NEG_INFINITY;
+    const MOST: usize = MAX_TRANSFER_ENTRIES;
+
+    fn place(&self) -> [f64; 2] {
+        [self.value, self.opacity]
+    }
+
+    fn moved(self, value: f64, opacity: f64) -> EditPoint {
+        EditPoint { value, opacity, ..self }
+    }
+
+    fn towards(self, next: EditPoint, share: f64) -> EditPoint {
+        EditPoint {
+            value: between(self.value, next.value, share),
+            colour: mix(self.colour, next.colour, share),
+            opacity: between(self.opacity, next.opacity, share),
+        }
+    }
 }
 
-/// A transfer function of points: linear between them, constant beyond the first and the last.
+impl CurvePoint for FactorPoint {
+    const LEAST: f64 = 0.0;
+    const MOST: usize = MAX_CONTOURS;
+
+    fn place(&self) -> [f64; 2] {
+        [self.magnitude, self.factor]
+    }
+
+    fn moved(self, magnitude: f64, factor: f64) -> FactorPoint {
+        FactorPoint { magnitude, factor }
+    }
+
+    fn towards(self, next: FactorPoint, share: f64) -> FactorPoint {
+        let magnitude = between(self.magnitude, next.magnitude, share);
+        FactorPoint { magnitude, factor: between(self.factor, next.factor, share) }
+    }
+}
+
+fn between(from: f64, to: f64, share: f64) -> f64 {
+    from + share * (to - from)
+}
+
+/// A transfer function of points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointList {
-    points: Vec<EditPoint>,
-    /// The factor by gradient magnitude.
-    pub gradient: Option<GradientRamp>,
+    /// Opacities and colours by value.
+    pub curve: Curve<EditPoint>,
+    /// The factors on opacities by the gradient's magnitude; `None` if it does not matter.
+    pub gradient: Option<Curve<FactorPoint>>,
     /// Whether voxels are lit.
     pub is_shaded: bool,
     /// Fields of the JSON that the editor leaves as they are.
@@ -52,8 +90,7 @@ struct Kept {
 const MAP_POINTS: usize = 9;
 
 impl PointList {
-    /// Returns the points of a function of the kinds `points` and `range`; `None` for other kinds, and for ramps of the
-    /// gradient with more than two points.
+    /// Returns the points of a function of the kinds `points` and `range`; `None` for other kinds.
     pub fn of(transfer: &TransferFunction, stored: &StoredValues) -> Option<PointList> {
         let document: Value = serde_json::from_str(&transfer.to_json()).ok()?;
         let kept: Kept = serde_json::from_value(document.clone()).ok()?;
@@ -66,14 +103,12 @@ impl PointList {
                     let colour = serde_json::from_value(point["colour"].clone()).ok().and_then(bytes_of)?;
                     Some(EditPoint { value: number(point, "value")?, colour, opacity: number(point, "opacity")? })
                 });
-                let gradient = match document["gradient"].as_array().map(Vec::as_slice) {
-                    None | Some([]) => None,
-                    Some([low, high]) if number(low, "factor")? == 0.0 && number(high, "factor")? == 1.0 => {
-                        Some(GradientRamp { from: number(low, "magnitude")?, to: number(high, "magnitude")? })
-                    }
-                    Some(_) => return None,
+                let gradient: Vec<FactorPoint> = match document.get("gradient") {
+                    Some(ramp) => serde_json::from_value(ramp.clone()).ok()?,
+                    None => Vec::new(),
                 };
-                Some(PointList { points: points.collect::<Option<_>>()?, gradient, is_shaded, kept })
+                let curve = Curve::new(points.collect::<Option<_>>()?)?;
+                Some(PointList { curve, gradient: Curve::new(gradient), is_shaded, kept })
             }
             "range" => {
                 let [lowest, highest] = stored.range();
@@ -86,7 +121,7 @@ impl PointList {
                 points.extend((0..stops).map(|i| at(from + (to - from) * i as f64 / (stops - 1) as f64, opacity)));
                 points.extend(high.map(|high| at(high, 0.0)));
                 points.dedup_by(|a, b| a == b);
-                Some(PointList { points, gradient: None, is_shaded, kept })
+                Some(PointList { curve: Curve::new(points)?, gradient: None, is_shaded, kept })
             }
             _ => None,
         }
@@ -101,99 +136,25 @@ impl PointList {
             colour: colour_at(colours, share),
             opacity,
         };
-        let points = vec![point(0.0, 0.0), point(0.5, 0.3), point(1.0, 0.9)];
-        PointList { points, gradient: None, is_shaded: true, kept: Kept::default() }
-    }
-
-    /// Returns the points, by ascending value.
-    pub fn points(&self) -> &[EditPoint] {
-        &self.points
-    }
-
-    /// Moves a point; it stays between its neighbours, and its opacity between 0 and 1.
-    ///
-    /// At most two points share a value, which is a jump: a third stays beside them.
-    pub fn move_point(&mut self, index: usize, value: f64, opacity: f64) {
-        let value_of = |index: Option<usize>| index.and_then(|index| self.points.get(index)).map(|point| point.value);
-        let (before, after) = (value_of(index.checked_sub(1)), value_of(Some(index + 1)));
-        let is_jump = |near: Option<f64>, far: Option<usize>| near.is_some() && near == value_of(far);
-        let gap = self.least_gap();
-        let low =
-            before.map_or(f64::NEG_INFINITY, |low| low + if is_jump(before, index.checked_sub(2)) { gap } else { 0.0 });
-        let high = after.map_or(f64::INFINITY, |high| high - if is_jump(after, Some(index + 2)) { gap } else { 0.0 });
-        if value.is_finite() && low <= high {
-            self.points[index].value = value.clamp(low, high);
-        }
-        self.points[index].opacity = if opacity.is_nan() { 0.0 } else { opacity.clamp(0.0, 1.0) };
-    }
-
-    /// Returns a difference of values that is too small to see and survives being written as text.
-    fn least_gap(&self) -> f64 {
-        let largest = self.points.iter().map(|point| point.value.abs()).fold(0.0, f64::max);
-        (1e-12 * largest).max(f64::MIN_POSITIVE)
-    }
-
-    /// Sets the colour of a point.
-    pub fn set_colour(&mut self, index: usize, colour: [u8; 3]) {
-        self.points[index].colour = colour;
-    }
-
-    /// Adds a point of the colour that the function has there, and returns its index.
-    ///
-    /// Where two points share this value already, none is added, and the index is the first one's.
-    pub fn add(&mut self, value: f64, opacity: f64) -> usize {
-        let index = self.points.partition_point(|point| point.value < value);
-        if self.points[index..].iter().take_while(|point| point.value == value).count() >= 2 {
-            return index;
-        }
-        let colour = self.colour(value);
-        self.points.insert(index, EditPoint { value, colour, opacity: opacity.clamp(0.0, 1.0) });
-        index
-    }
-
-    /// Removes a point; the last one stays.
-    pub fn remove(&mut self, index: usize) {
-        if self.points.len() > 1 {
-            self.points.remove(index);
-        }
+        let curve = Curve::of([point(0.0, 0.0), point(0.5, 0.3), point(1.0, 0.9)]);
+        PointList { curve, gradient: None, is_shaded: true, kept: Kept::default() }
     }
 
     /// Colours the values from the first point to the last by a colour map; opacities stay.
     pub fn apply_map(&mut self, colours: &[[u8; 3]]) {
-        let (low, high) = (self.points[0].value, self.points[self.points.len() - 1].value);
-        if self.points.len() < MAP_POINTS && high > low {
+        let [low, high] = self.curve.ends();
+        if self.curve.points().len() < MAP_POINTS && high > low {
             for part in 1..MAP_POINTS - 1 {
                 let value = low + (high - low) * part as f64 / (MAP_POINTS - 1) as f64;
-                if self.points.iter().all(|point| (point.value - value).abs() > 0.02 * (high - low)) {
-                    let opacity = self.opacity(value);
-                    self.add(value, opacity);
+                if self.curve.points().iter().all(|point| (point.value - value).abs() > 0.02 * (high - low)) {
+                    self.curve.add(value, self.curve.height(value));
                 }
             }
         }
-        for point in &mut self.points {
+        for point in self.curve.points_mut() {
             let share = if high > low { (point.value - low) / (high - low) } else { 1.0 };
             point.colour = colour_at(colours, share);
         }
-    }
-
-    /// Returns the opacity at a value.
-    pub fn opacity(&self, value: f64) -> f64 {
-        let (before, after, share) = self.around(value);
-        before.opacity + share * (after.opacity - before.opacity)
-    }
-
-    /// Returns the colour at a value.
-    pub fn colour(&self, value: f64) -> [u8; 3] {
-        let (before, after, share) = self.around(value);
-        mix(before.colour, after.colour, share)
-    }
-
-    /// Returns the points on both sides of a value, and where between them it lies.
-    fn around(&self, value: f64) -> (EditPoint, EditPoint, f64) {
-        let next = self.points.partition_point(|point| point.value < value);
-        let (before, after) = (self.points[next.saturating_sub(1)], self.points[next.min(self.points.len() - 1)]);
-        let width = after.value - before.value;
-        (before, after, if width > 0.0 { ((value - before.value) / width).clamp(0.0, 1.0) } else { 1.0 })
     }
 
     /// Returns the transfer function.
@@ -205,11 +166,11 @@ impl PointList {
             |point: &EditPoint| json!({ "value": point.value, "colour": hex(point.colour), "opacity": point.opacity });
         let mut document = json!({
             "kind": "points",
-            "points": self.points.iter().map(point).collect::<Vec<_>>(),
+            "points": self.curve.points().iter().map(point).collect::<Vec<_>>(),
             "shaded": self.is_shaded,
         });
-        if let Some(GradientRamp { from, to }) = self.gradient {
-            document["gradient"] = json!([{ "magnitude": from, "factor": 0 }, { "magnitude": to, "factor": 1 }]);
+        if let Some(ramp) = &self.gradient {
+            document["gradient"] = json!(ramp.points());
         }
         if let Some(length) = self.kept.reference_length {
             document["reference_length"] = json!(length);
@@ -250,7 +211,7 @@ mod tests {
     use super::*;
 
     fn stored() -> StoredValues {
-        StoredValues { low: 10.0, step: 2.0, counts: vec![1; 101] }
+        StoredValues { low: 10.0, step: 2.0, counts: vec![1; 101], largest_magnitude: None }
     }
 
     #[test]
@@ -272,7 +233,7 @@ mod tests {
     fn points_come_back_as_they_were() {
         let text = r##"{"kind":"points","points":[{"value":60.0,"colour":"#7a4a32","opacity":0.0},
             {"value":110.0,"colour":"#d9a066","opacity":0.5}],
-            "gradient":[{"magnitude":3.0,"factor":0.0},{"magnitude":8.0,"factor":1.0}],
+            "gradient":[{"magnitude":3.0,"factor":0.25},{"magnitude":8.0,"factor":1.0},{"magnitude":8.0,"factor":0.5}],
             "reference_length":2.0,"shaded":false}"##;
         let function = TransferFunction::from_json(text).unwrap();
         let again = PointList::of(&function, &stored()).unwrap().transfer().unwrap();
@@ -282,10 +243,10 @@ mod tests {
     #[test]
     fn a_point_stays_between_its_neighbours() {
         let mut list = PointList::ramp(&stored());
-        list.move_point(1, 1e9, 7.0);
-        assert_eq!((list.points()[1].value, list.points()[1].opacity), (210.0, 1.0));
-        list.move_point(1, f64::NAN, f64::NAN);
-        assert_eq!((list.points()[1].value, list.points()[1].opacity), (210.0, 0.0));
+        list.curve.move_point(1, 1e9, 7.0);
+        assert_eq!((list.curve.points()[1].value, list.curve.points()[1].opacity), (210.0, 1.0));
+        list.curve.move_point(1, f64::NAN, f64::NAN);
+        assert_eq!((list.curve.points()[1].value, list.curve.points()[1].opacity), (210.0, 0.0));
         assert!(list.transfer().is_ok());
     }
 
@@ -293,23 +254,23 @@ mod tests {
     fn a_third_point_dragged_onto_a_jump_keeps_the_function_valid() {
         for to in [210.0, 1e9] {
             let mut list = PointList::ramp(&stored());
-            list.move_point(1, 210.0, 0.5);
-            list.move_point(0, to, 0.5);
-            assert!(list.points()[0].value > 209.999 && list.transfer().is_ok());
+            list.curve.move_point(1, 210.0, 0.5);
+            list.curve.move_point(0, to, 0.5);
+            assert!(list.curve.points()[0].value > 209.999 && list.transfer().is_ok());
         }
         let mut list = PointList::ramp(&stored());
-        list.move_point(1, 10.0, 0.5);
-        list.move_point(2, -1e9, 0.5);
-        assert!(list.points()[2].value < 10.001 && list.transfer().is_ok());
-        assert_eq!((list.add(10.0, 0.2), list.points().len()), (0, 3));
+        list.curve.move_point(1, 10.0, 0.5);
+        list.curve.move_point(2, -1e9, 0.5);
+        assert!(list.curve.points()[2].value < 10.001 && list.transfer().is_ok());
+        assert_eq!((list.curve.add(10.0, 0.2), list.curve.points().len()), (Some(0), 3));
     }
 
     #[test]
     fn a_new_point_changes_nothing_until_it_is_moved() {
         let mut list = PointList::ramp(&stored());
         let before = list.transfer().unwrap();
-        let index = list.add(60.0, list.opacity(60.0));
-        assert_eq!(index, 1);
+        let index = list.curve.add(60.0, list.curve.height(60.0));
+        assert_eq!(index, Some(1));
         let after = list.transfer().unwrap();
         for value in [10.0, 40.0, 60.0, 90.0, 200.0] {
             assert!((before.opacity(value, 0.0) - after.opacity(value, 0.0)).abs() < 1e-12);
@@ -322,17 +283,17 @@ mod tests {
         let before = list.clone();
         list.apply_map(super::super::maps::MAPS[1].1);
         for value in [10.0, 30.0, 110.0, 160.0, 210.0] {
-            assert!((list.opacity(value) - before.opacity(value)).abs() < 1e-12);
+            assert!((list.curve.height(value) - before.curve.height(value)).abs() < 1e-12);
         }
-        assert_eq!(list.colour(10.0), [68, 1, 84]);
-        assert_eq!(list.colour(210.0), [253, 231, 37]);
+        assert_eq!(list.curve.at(10.0).colour, [68, 1, 84]);
+        assert_eq!(list.curve.at(210.0).colour, [253, 231, 37]);
     }
 
     #[test]
     fn the_last_point_stays() {
         let mut list = PointList::ramp(&stored());
-        (0..5).for_each(|_| list.remove(0));
-        assert_eq!(list.points().len(), 1);
-        assert!(list.transfer().is_ok() && list.opacity(3.0) == 0.9);
+        (0..5).for_each(|_| list.curve.remove(0));
+        assert_eq!(list.curve.points().len(), 1);
+        assert!(list.transfer().is_ok() && list.curve.height(3.0) == 0.9);
     }
 }

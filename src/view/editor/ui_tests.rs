@@ -36,7 +36,7 @@ fn harness(edited: Edited, stored: StoredValues) -> Harness<'static, State> {
 }
 
 fn ramp() -> Harness<'static, State> {
-    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![1; 101] };
+    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![1; 101], largest_magnitude: None };
     harness(Edited::Points(PointList::ramp(&stored)), stored)
 }
 
@@ -74,8 +74,8 @@ fn a_point_follows_the_mouse_and_one_undo_takes_the_drag_back() {
     button(&mut harness, from + egui::vec2(40.0, -40.0), false);
     harness.run();
     let moved = list(&harness);
-    assert_eq!(moved.points().len(), 3);
-    assert!((moved.points()[1].value - 50.0).abs() > 10.0 && moved.points()[1].opacity > 0.5, "{moved:?}");
+    assert_eq!(moved.curve.points().len(), 3);
+    assert!((moved.curve.points()[1].value - 50.0).abs() > 10.0 && moved.curve.points()[1].opacity > 0.5, "{moved:?}");
     harness.state_mut().edits.undo();
     assert_eq!(list(&harness), before);
     assert!(!harness.state().edits.can_undo(), "a drag is one change");
@@ -96,14 +96,14 @@ fn a_typed_number_moves_the_selected_point() {
     harness.event(egui::Event::Text("72".into()));
     harness.key_press(Key::Enter);
     harness.run();
-    assert_eq!(list(&harness).points()[1].value, 72.0);
+    assert_eq!(list(&harness).curve.points()[1].value, 72.0);
 }
 
 #[test]
 fn a_label_is_found_by_name_and_hidden() {
     let text = r##"{"kind":"labels","labels":[{"label":1,"name":"liver","colour":"#802010","opacity":1.0},
         {"label":2,"name":"spleen","colour":"#208010","opacity":1.0}]}"##;
-    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![0, 5, 7] };
+    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![0, 5, 7], largest_magnitude: None };
     let table = LabelTable::of(&TransferFunction::from_json(text).unwrap(), &stored);
     let mut harness = harness(Edited::Labels(table), stored);
     assert!(harness.query_by_label("Show liver").is_some());
@@ -123,7 +123,7 @@ fn a_surface_moves_by_its_number_and_others_are_added_and_removed() {
     let text = r##"{"kind":"contour","contours":[{"value":30,"opacity":0.5,"width":1.5,"colour":"#802010"},
         {"value":60,"opacity":0.9,"width":2,"colour":"#208010"}],"voxel_length":2.0,"shaded":false}"##;
     let transfer = TransferFunction::from_json(text).unwrap();
-    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![1; 101] };
+    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![1; 101], largest_magnitude: None };
     let edited = Edited::of(&transfer, &stored);
     assert_eq!(edited.transfer().unwrap(), transfer);
     let mut harness = harness(edited, stored);
@@ -150,26 +150,122 @@ fn a_surface_moves_by_its_number_and_others_are_added_and_removed() {
 }
 
 #[test]
-fn boundaries_of_regions_and_long_ramps_keep_what_they_are() {
-    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![1; 101] };
+fn boundaries_of_regions_keep_what_they_are() {
+    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![1; 101], largest_magnitude: None };
     let region = r##"{"kind":"region","knots":[{"value":10,"colour":"#000000","opacity":0},
         {"value":50,"colour":"#ff0000","opacity":0.4}],"largest_magnitude":12.0}"##;
-    let ramp = r##"{"kind":"points","points":[{"value":10,"colour":"#000000","opacity":0.2}],
+    let transfer = TransferFunction::from_json(region).unwrap();
+    let mut harness = harness(Edited::of(&transfer, &stored), stored.clone());
+    harness.run();
+    assert_eq!(harness.state().edits.now.transfer().unwrap(), transfer);
+    harness.get_by_label("Begin with points").click();
+    harness.run();
+    assert_eq!(list(&harness).curve.points().len(), 3);
+}
+
+/// A function with a ramp of three points, in a file whose magnitudes go up to 10.
+fn steep() -> (TransferFunction, Harness<'static, State>) {
+    let text = r##"{"kind":"points","points":[{"value":10,"colour":"#000000","opacity":0.2}],
         "gradient":[{"magnitude":0,"factor":0},{"magnitude":3,"factor":0.5},{"magnitude":5,"factor":1}]}"##;
-    for text in [region, ramp] {
-        let transfer = TransferFunction::from_json(text).unwrap();
-        let mut harness = harness(Edited::of(&transfer, &stored), stored.clone());
-        harness.run();
-        assert_eq!(harness.state().edits.now.transfer().unwrap(), transfer);
-        harness.get_by_label("Begin with points").click();
-        harness.run();
-        assert_eq!(list(&harness).points().len(), 3);
+    let transfer = TransferFunction::from_json(text).unwrap();
+    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![1; 101], largest_magnitude: Some(10.0) };
+    let mut harness = harness(Edited::of(&transfer, &stored), stored);
+    harness.run();
+    (transfer, harness)
+}
+
+/// Returns magnitudes and factors of the ramp.
+fn ramp_of(harness: &Harness<'_, State>) -> Vec<[f64; 2]> {
+    let list = list(harness);
+    list.gradient.iter().flat_map(|ramp| ramp.points()).map(|point| [point.magnitude, point.factor]).collect()
+}
+
+/// Returns the place of a magnitude and a factor on the ramp's canvas.
+#[expect(clippy::cast_possible_truncation, reason = "points of the screen")]
+fn on_ramp(harness: &Harness<'_, State>, magnitude: f32, factor: f32) -> Pos2 {
+    let inner = harness.get_by_label("Factor by gradient").rect().shrink2(egui::vec2(6.0, 7.0));
+    // The axis ends at twice the last magnitude.
+    let end = 2.0 * ramp_of(harness).last().expect("a ramp")[0] as f32;
+    pos2(inner.left() + magnitude / end * inner.width(), inner.bottom() - factor * inner.height())
+}
+
+fn drag(harness: &mut Harness<'_, State>, from: Pos2, to: Pos2) {
+    harness.hover_at(from);
+    harness.step();
+    button(harness, from, true);
+    for share in [0.25, 0.5, 0.75, 1.0] {
+        harness.hover_at(from.lerp(to, share));
+        harness.step();
     }
+    button(harness, to, false);
+    harness.run();
+}
+
+/// Whether points are where they should be, to half a point of the screen.
+fn near(points: &[[f64; 2]], wanted: &[[f64; 2]]) -> bool {
+    let is_near = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).abs() < 0.04 && (a[1] - b[1]).abs() < 0.02;
+    points.len() == wanted.len() && points.iter().zip(wanted).all(is_near)
+}
+
+#[test]
+fn points_of_the_ramp_over_the_gradient_are_dragged_added_and_removed() {
+    let (transfer, mut harness) = steep();
+    assert_eq!(harness.state().edits.now.transfer().unwrap(), transfer, "shown is not changed");
+    let first = ramp_of(&harness);
+    let (from, to) = (on_ramp(&harness, 3.0, 0.5), on_ramp(&harness, 4.0, 0.25));
+    drag(&mut harness, from, to);
+    assert!(near(&ramp_of(&harness), &[[0.0, 0.0], [4.0, 0.25], [5.0, 1.0]]), "{:?}", ramp_of(&harness));
+    // From an empty place: one more.
+    let (from, to) = (on_ramp(&harness, 7.0, 0.2), on_ramp(&harness, 8.0, 0.75));
+    drag(&mut harness, from, to);
+    let four = [[0.0, 0.0], [4.0, 0.25], [5.0, 1.0], [8.0, 0.75]];
+    assert!(near(&ramp_of(&harness), &four), "{:?}", ramp_of(&harness));
+    // No magnitude is below 0, and none passes its neighbour.
+    let (from, to) = (on_ramp(&harness, 0.0, 0.0), on_ramp(&harness, -2.0, 0.5));
+    drag(&mut harness, from, to);
+    assert!(ramp_of(&harness)[0][0] == 0.0, "{:?}", ramp_of(&harness));
+    let written = harness.state().edits.now.transfer().unwrap();
+    assert_eq!(TransferFunction::from_json(&written.to_json()).unwrap(), written);
+    assert!((written.opacity(10.0, 4.0) / 0.2 - 0.25).abs() < 0.05, "factors are used");
+    // The right button removes.
+    let at = on_ramp(&harness, 5.0, 1.0);
+    harness.hover_at(at);
+    harness.step();
+    for pressed in [true, false] {
+        let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
+        harness.event(egui::Event::PointerButton { pos: at, button, pressed, modifiers });
+        harness.step();
+    }
+    assert!(near(&ramp_of(&harness), &[[0.0, 0.5], [4.0, 0.25], [8.0, 0.75]]), "{:?}", ramp_of(&harness));
+    (0..4).for_each(|_| harness.state_mut().edits.undo());
+    assert_eq!(ramp_of(&harness), first);
+    assert!(!harness.state().edits.can_undo(), "four changes");
+}
+
+#[test]
+fn a_point_of_the_ramp_is_typed_and_the_ramp_is_dropped_and_begun() {
+    let (_, mut harness) = steep();
+    let at = on_ramp(&harness, 3.0, 0.5);
+    drag(&mut harness, at, at);
+    harness.get_by_label("Magnitude of the point").click();
+    harness.run();
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    harness.event(egui::Event::Text("2.5".into()));
+    harness.key_press(Key::Enter);
+    harness.run();
+    assert_eq!(ramp_of(&harness)[1], [2.5, 0.5]);
+    assert!(harness.query_by_label("Value of the point").is_none(), "one point is selected");
+    for points in [0, 2] {
+        harness.get_by_label("Only where values change").click();
+        harness.run();
+        assert_eq!(ramp_of(&harness).len(), points);
+    }
+    assert_eq!(ramp_of(&harness), [[0.0, 0.0], [2.5, 1.0]], "a quarter of the largest magnitude");
 }
 
 #[test]
 fn a_number_that_a_field_would_not_take_stays_until_the_user_changes_it() {
-    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![0, 5, 7] };
+    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![0, 5, 7], largest_magnitude: None };
     let labels = r##"{"kind":"labels","labels":[{"label":1,"name":"liver","colour":"#802010","opacity":0.001}]}"##;
     let wide = r##"{"kind":"contour","contours":[{"value":2,"opacity":0.5,"width":150,"colour":"#802010"}]}"##;
     for text in [labels, wide] {
