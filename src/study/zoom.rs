@@ -2,7 +2,7 @@
 //!
 //! In: a file with levels. Out: the frames of a zoom, with the levels that each draws, its distance from the voxels
 //! themselves, and its change from the frame before. Zooming changes every frame. So the same is measured with level 0 at
-//! [`Quality::High`]; changes above that are popping.
+//! [`Quality::High`], over the same pixels; changes above that are popping.
 
 use std::collections::BTreeSet;
 
@@ -32,9 +32,10 @@ pub struct ZoomFrame {
     pub levels: BTreeSet<usize>,
     /// Decibels from the voxels themselves.
     pub psnr: f64,
-    /// Root mean square difference from the frame before, over the pixels that are not empty; 0 for the first frame.
+    /// Root mean square difference from the frame before, over the pixels that are not empty in one of both or in those of
+    /// level 0 at [`Quality::High`]; 0 for the first frame.
     pub change: f64,
-    /// The same of level 0 at [`Quality::High`].
+    /// The same of level 0 at [`Quality::High`], over the same pixels.
     pub judged_change: f64,
 }
 
@@ -71,14 +72,12 @@ pub fn measure(model: &Model, qualities: &[Quality], threads: usize, go_on: GoOn
         for (zoom, quality) in zooms.iter_mut().zip(qualities) {
             let settings = settings.clone().with_quality(*quality);
             let frame = model.render(&camera, &settings)?;
-            let change = |at: usize, frame: &Frame| before.as_ref().map_or(Ok(0.0), |before| apart(&before[at], frame));
-            zoom.push(ZoomFrame {
-                pixels,
-                levels: levels(model, &camera, &settings)?,
-                psnr: metrics::psnr(&frames[0], &frame)?,
-                change: change(frames.len(), &frame)?,
-                judged_change: change(0, &frames[0])?,
-            });
+            let changes = before
+                .as_ref()
+                .map(|before: &Vec<Frame>| changes([&before[frames.len()], &frame], [&before[0], &frames[0]]));
+            let [change, judged_change] = changes.unwrap_or_default();
+            let psnr = metrics::psnr(&frames[0], &frame)?;
+            zoom.push(ZoomFrame { pixels, levels: levels(model, &camera, &settings)?, psnr, change, judged_change });
             frames.push(frame);
         }
         before = Some(frames);
@@ -93,9 +92,21 @@ fn levels(model: &Model, camera: &Camera, settings: &Settings) -> Result<BTreeSe
     Ok(level_parts(&model.scene(), camera, settings)?.iter().map(|part| part.level).collect())
 }
 
-/// Returns the root mean square difference of two frames, over the pixels that are not empty in at least one.
-fn apart(a: &Frame, b: &Frame) -> Result<f64> {
-    Ok(root_mean_square(metrics::psnr(a, b)?))
+/// Returns the root mean square differences of two pairs of frames, over the pixels that are not empty in at least one of the four.
+fn changes(pair: [&Frame; 2], judged: [&Frame; 2]) -> [f64; 2] {
+    let pixels = |frame: &'_ Frame| frame.pixels().as_chunks::<4>().0.to_vec();
+    let [a, b, c, d] = [pair[0], pair[1], judged[0], judged[1]].map(pixels);
+    let (mut squares, mut count) = ([0.0; 2], 0u32);
+    for (((a, b), c), d) in a.iter().zip(&b).zip(&c).zip(&d) {
+        if [a, b, c, d].iter().all(|pixel| **pixel == [0.0; 4]) {
+            continue;
+        }
+        count += 4;
+        let square = |a: &[f32; 4], b: &[f32; 4]| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+        squares[0] += square(a, b);
+        squares[1] += square(c, d);
+    }
+    squares.map(|sum| (sum / f64::from(count.max(1))).sqrt())
 }
 
 fn root_mean_square(decibels: f64) -> f64 {

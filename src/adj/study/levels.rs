@@ -23,7 +23,7 @@ use adjsplat_study::zoom::ZoomFrame;
 /// Measure what levels of detail save in time, voxels and bytes, what they cost in accuracy, and what they add to files
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Pictures are parallel views at 1, 0.5, 0.25, 0.125 and 0.0625 pixels a voxel, from six directions, on one thread; times are those of the processor. \"db\": of the worst view, over the pixels that are not empty, from a picture of level 0 with --quality high. \"times faster\": than level 0 at --quality standard, the geometric mean of the views; \"least\": of the slowest view. \"lane bytes\": the whole lanes that the walk follows, of the levels that are drawn.\nThe last rows are over all files: times faster are geometric means, db and least are the worst.\n--zoom draws 60 frames from 0.1 to 4 pixels a voxel instead. \"change\": root mean square difference from the frame before, over the pixels that are not empty; \"judged change\": the same of level 0 with --quality high; \"popping\": how much larger the change is; \"allowed\": the error that the quality may have, 38 dB at standard, 30 dB at draft. The table has the frame of each file and quality that pops most, and \"db\" of the worst frame that draws a level; the files have all frames.\n\nExample: adj study levels engine.adj frog.adj --json levels.json --plot levels.svg"
+    after_help = "Pictures are parallel views at 1, 0.5, 0.25, 0.125 and 0.0625 pixels a voxel, from six directions, on one thread; times are those of the processor. \"db\": of the worst view, over the pixels that are not empty, from a picture of level 0 with --quality high. \"times faster\": than level 0 at --quality standard, the geometric mean of the views; \"least\": of the slowest view. \"lane bytes\": the whole lanes that the walk follows, of the levels that are drawn.\nThe last rows are over all files: times faster are geometric means, db and least are the worst.\n--zoom draws 60 frames from 0.1 to 4 pixels a voxel instead. \"change\": root mean square difference from the frame before, over the pixels that are not empty; \"judged change\": the same of level 0 with --quality high, over the same pixels; \"popping\": how much larger the change is; \"allowed\": the error that the quality may have, 38 dB at standard, 30 dB at draft. The table has the frame that pops most, of those where other levels begin to be drawn and of all; the files have all frames.\n\nExample: adj study levels engine.adj frog.adj --json levels.json --plot levels.svg"
 )]
 pub(super) struct Arguments {
     /// .adj files with levels of detail (adj build --levels auto)
@@ -185,7 +185,7 @@ const ZOOMED: [Quality; 2] = [Quality::Standard, Quality::Draft];
 fn run_zoom(arguments: &Arguments) -> Result<Answer> {
     let opened: Vec<(String, Model)> = arguments.files.iter().map(open).collect::<Result<_>>()?;
     let mut report = table_of("set quality pixels_a_voxel levels db change judged_change popping allowed");
-    let mut worst = table_of("set quality pixels_a_voxel levels change judged_change popping allowed db");
+    let mut worst = table_of("set quality frames pixels_a_voxel levels change judged_change popping allowed");
     let mut series: Vec<PlotSeries> = Vec::new();
     let mut progress = Progress::new(arguments.output.quiet);
     for (index, (name, model)) in opened.iter().enumerate() {
@@ -196,7 +196,10 @@ fn run_zoom(arguments: &Arguments) -> Result<Answer> {
             let points = frames.iter().map(|frame| [frame.pixels, frame.popping()]).collect();
             series.push(PlotSeries::solid(series_name, points));
             frames.iter().for_each(|frame| report.push(zoom_row(name, quality, frame)));
-            worst_row(name, quality, frames).into_iter().for_each(|row| worst.push(row));
+            let switches = |before: &ZoomFrame, frame: &ZoomFrame| before.levels != frame.levels;
+            let of_switches = worst_row(name, quality, frames, "switch", switches);
+            let of_all = worst_row(name, quality, frames, "any", |_, _| true);
+            of_switches.into_iter().chain(of_all).for_each(|row| worst.push(row));
         }
     }
     drop(progress);
@@ -229,21 +232,27 @@ fn zoom_row(name: &str, quality: Quality, frame: &ZoomFrame) -> Vec<ReportCell> 
     ]
 }
 
-/// Returns the row of the frame that pops most, with the decibels of the worst frame that draws a level.
-fn worst_row(name: &str, quality: Quality, frames: &[ZoomFrame]) -> Option<Vec<ReportCell>> {
-    let at = (1..frames.len()).max_by(|&a, &b| frames[a].popping().total_cmp(&frames[b].popping()))?;
+/// Returns the row of the frame that pops most among those that are `picked`; `None` if there is none.
+fn worst_row(
+    name: &str,
+    quality: Quality,
+    frames: &[ZoomFrame],
+    what: &str,
+    picked: impl Fn(&ZoomFrame, &ZoomFrame) -> bool,
+) -> Option<Vec<ReportCell>> {
+    let at = (1..frames.len())
+        .filter(|&at| picked(&frames[at - 1], &frames[at]))
+        .max_by(|&a, &b| frames[a].popping().total_cmp(&frames[b].popping()))?;
     let (before, frame) = (&frames[at - 1], &frames[at]);
-    let is_of_level = |frame: &&ZoomFrame| frame.levels.iter().any(|level| *level > 0);
-    let decibels = frames.iter().filter(is_of_level).map(|frame| frame.psnr).reduce(f64::min);
     Some(vec![
         name.into(),
         quality.name().into(),
+        what.into(),
         frame.pixels.into(),
         format!("{} to {}", levels_of(before), levels_of(frame)).as_str().into(),
         frame.change.into(),
         frame.judged_change.into(),
         frame.popping().into(),
         zoom::allowed(quality).into(),
-        decibels.into(),
     ])
 }
