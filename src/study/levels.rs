@@ -14,7 +14,7 @@ use adjsplat::splat::{Camera, Lanes as _, Orbit, Projection, Quality, Settings};
 use adjsplat_judge::metrics;
 
 /// Pixels a voxel of level 0 in the pictures of a study.
-pub const PIXELS: [f64; 4] = [1.0, 0.5, 0.25, 0.125];
+pub const PIXELS: [f64; 5] = [1.0, 0.5, 0.25, 0.125, 0.0625];
 
 /// A factor on [`PIXELS`], as levels begin to be drawn at just these sizes: rounding must not decide.
 const JUST_BELOW: f64 = 1.0 - 1e-9;
@@ -209,12 +209,22 @@ fn view(model: &Model, pixels: f64, [azimuth, elevation]: [f64; 2]) -> Result<(S
     )]
     let side = (pixels * diagonal / voxel).ceil() as u32;
     let settings = Settings::new([side.max(8); 2]).with_threads(1);
-    let orbit = |zoom: f64| Orbit { azimuth, elevation, zoom, ..Orbit::default() };
-    let camera = model.camera(&orbit(1.0), &settings)?;
-    let Projection::Parallel { height } = camera.projection() else { return Ok((settings, camera)) };
-    let at_first = f64::from(settings.size[1]) / height * voxel;
-    let camera = model.camera(&orbit(JUST_BELOW * pixels / at_first), &settings)?;
+    let camera = camera(model, &settings, JUST_BELOW * pixels, [azimuth, elevation])?;
     Ok((settings, camera))
+}
+
+/// Returns the camera of a parallel view of the volume's middle with this many pixels a voxel.
+pub(crate) fn camera(
+    model: &Model,
+    settings: &Settings,
+    pixels: f64,
+    [azimuth, elevation]: [f64; 2],
+) -> Result<Camera> {
+    let orbit = |zoom: f64| Orbit { azimuth, elevation, zoom, ..Orbit::default() };
+    let camera = model.camera(&orbit(1.0), settings)?;
+    let Projection::Parallel { height } = camera.projection() else { return Ok(camera) };
+    let at_first = f64::from(settings.size[1]) / height * model.grid().mean_spacing();
+    model.camera(&orbit(pixels / at_first), settings)
 }
 
 /// Summarises the pictures of choice number `at`, of all views.

@@ -33,6 +33,7 @@ mod splatter;
 pub mod subject;
 pub mod trace;
 pub mod walks;
+pub mod zoom;
 
 pub use baselines::{BuiltMethod, Method, Receiver, Walker};
 pub use subject::Subject;

@@ -9,9 +9,9 @@ fn read(folder: &Folder, name: &str) -> String {
 }
 
 /// A folder with `plain.adj`, and with `a.adj`, which has two levels beside it.
-fn shells() -> Folder {
+fn waves() -> Folder {
     let folder = Folder::new();
-    folder.adj("build phantom:shells --dims 96x96x96 -o plain.adj").done();
+    folder.adj("build phantom:marschner-lobb --dims 96x96x96 -o plain.adj").done();
     folder.adj("trim plain.adj -o a.adj --levels 2").done();
     folder
 }
@@ -24,7 +24,7 @@ fn drawn(folder: &Folder, line: &str) -> (String, Value) {
 
 #[test]
 fn a_level_is_drawn_and_named() {
-    let folder = shells();
+    let folder = waves();
     let (told, plain) = drawn(&folder, "plain.adj --size 200x200");
     assert!(!told.contains("level"), "{told}");
     assert_eq!(plain["levels"], json!([0]));
@@ -44,14 +44,20 @@ fn a_level_is_drawn_and_named() {
 
 #[test]
 fn the_view_and_the_quality_choose_the_level() {
-    let folder = shells();
+    let folder = waves();
     let levels = |line: &str| drawn(&folder, &format!("a.adj {line}")).1["levels"].clone();
     assert_eq!(levels("--size 200x200"), json!([0]));
-    assert_eq!(levels("--size 24x24"), levels("--size 24x24 --level auto"));
-    assert_eq!(levels("--size 24x24"), json!([1]));
-    assert_eq!(levels("--size 24x24 --quality draft"), json!([2]));
-    assert_eq!(levels("--size 24x24 --quality high"), json!([0]));
-    assert_eq!(levels("--size 24x24 --mode maximum"), json!([0]));
+    assert_eq!(levels("--size 12x12"), levels("--size 12x12 --level auto"));
+    assert_eq!(levels("--size 12x12"), json!([1]));
+    assert_eq!(levels("--size 12x12 --quality draft"), json!([2]));
+    assert_eq!(levels("--size 12x12 --quality high"), json!([0]));
+    assert_eq!(levels("--size 12x12 --mode maximum"), json!([0]));
+    // Shells are thin: a level has one colour of the two sides of a wall.
+    folder.adj("build phantom:shells --dims 96x96x96 --levels 2 -o thin.adj").done();
+    for quality in ["standard", "draft"] {
+        let (_, thin) = drawn(&folder, &format!("thin.adj --size 12x12 --quality {quality}"));
+        assert_eq!(thin["levels"], json!([0]), "{quality}");
+    }
     let (told, stats) = drawn(&folder, "a.adj --size 60x60 --perspective 100 --quality draft");
     assert_eq!(stats["levels"], json!([0, 1]));
     assert!(told.contains(" splats of levels 0 and 1, "), "{told}");
@@ -59,7 +65,7 @@ fn the_view_and_the_quality_choose_the_level() {
 
 #[test]
 fn levels_that_are_not_there_are_refused_with_those_that_are() {
-    let folder = shells();
+    let folder = waves();
     let refused = |line: &str, parts: &[&str]| {
         folder.adj(&format!("render {line} -o p.png")).refused(parts);
         assert!(!folder.file("p.png").exists(), "{line}");
@@ -78,9 +84,9 @@ fn levels_that_are_not_there_are_refused_with_those_that_are() {
 
 #[test]
 fn the_dial_draws_the_voxels_themselves() {
-    let folder = shells();
-    let (_, chosen) = drawn(&folder, "a.adj --size 24x24 --max-error 0.9");
-    let (_, plain) = drawn(&folder, "plain.adj --size 24x24 --max-error 0.9");
+    let folder = waves();
+    let (_, chosen) = drawn(&folder, "a.adj --size 12x12 --max-error 0.9");
+    let (_, plain) = drawn(&folder, "plain.adj --size 12x12 --max-error 0.9");
     assert_eq!(chosen["levels"], json!([0]));
     assert_eq!(chosen["image_sha256"], plain["image_sha256"]);
 }
@@ -157,7 +163,7 @@ fn bricks_are_built_with_levels_and_drawn_from_them() {
     folder.adj("verify a.adjs/preview.adj").done();
 
     // Joined, a collection is drawn as the file is; brick by brick, from the same level.
-    for view in ["--size 24x24", "--size 24x24 --quality draft", "--size 200x200 --level 1"] {
+    for view in ["--size 12x12", "--size 12x12 --quality draft", "--size 200x200 --level 1"] {
         let (_, whole) = drawn(&folder, &format!("a.adj {view}"));
         for (how, is_same) in [("", true), ("--memory 128MiB", true), ("--bricks", false)] {
             let (_, stats) = drawn(&folder, &format!("a.adjs {how} {view}"));

@@ -178,18 +178,18 @@ fn the_order_pops_where_it_switches_and_the_error_falls_in_three() {
 #[test]
 fn levels_have_a_row_for_every_size_and_choice() {
     let folder = Folder::new();
-    folder.adj("build phantom:shells --dims 64x64x64 --levels 2 -o a.adj").done();
+    folder.adj("build phantom:marschner-lobb --dims 64x64x64 --levels 2 -o a.adj").done();
     folder.adj("build phantom:noise --dims 40x40x40 --range 1.. --levels 1 -o b.adj").done();
     let table = folder.adj("study levels a.adj b.adj --quick --quiet --json l.json --csv l.csv --plot l.svg").done();
     assert!(table.contains("32 x 32 x 32") && table.contains("times fewer"), "{table}");
     let rows = rows(&folder, "l.json");
-    // Level 0, auto at standard and at draft, and each level, at four sizes; then both files together.
-    assert_eq!(rows.len(), 4 * (5 + 4 + 5));
+    // Level 0, auto at standard and at draft, and each level, at five sizes; then both files together.
+    assert_eq!(rows.len(), 5 * (5 + 4 + 5));
     let number = |row: &Value, column: &str| row[column].as_f64().unwrap_or_else(|| panic!("{column}: {row}"));
     for row in rows.iter().filter(|row| row["set"] == "a") {
         let level = row["levels"].as_str().expect("a text");
         match row["drawn"].as_str().expect("a text") {
-            "auto, standard" if row["pixels_a_voxel"] == 0.25 => assert_eq!(level, "1"),
+            "auto, standard" if row["pixels_a_voxel"] == 0.125 => assert_eq!(level, "1"),
             "auto, draft" if row["pixels_a_voxel"] == 0.125 => assert_eq!(level, "2"),
             "auto, standard" | "auto, draft" => {}
             drawn => assert_eq!(drawn, format!("level {level}")),
@@ -212,6 +212,23 @@ fn levels_have_a_row_for_every_size_and_choice() {
 }
 
 #[test]
+fn a_zoom_shows_how_much_pictures_jump() {
+    let folder = Folder::new();
+    folder.adj("build phantom:marschner-lobb --dims 64x64x64 --levels 2 -o a.adj").done();
+    let table = folder.adj("study levels a.adj --zoom --quiet --json z.json --plot z.svg").done();
+    assert!(table.contains("switch") && table.contains("1 to 0") && folder.file("z.svg").exists(), "{table}");
+    let rows = rows(&folder, "z.json");
+    assert_eq!(rows.len(), 2 * 60);
+    for row in &rows {
+        let number = |column: &str| row[column].as_f64().unwrap_or_else(|| panic!("{column}: {row}"));
+        assert!((number("change") - number("judged_change") - number("popping")).abs() < 1e-9, "{row}");
+        assert!(number("db") > 30.0 && number("popping") < number("allowed"), "{row}");
+    }
+    // Zoomed in until no level is drawn, and the pictures change by more than the walk's rounding.
+    assert!(rows[0]["levels"] != "0" && rows[59]["levels"] == "0" && rows[30]["judged_change"].as_f64() > Some(1e-3));
+}
+
+#[test]
 fn studies_refuse_what_they_cannot_do() {
     let folder = Folder::new();
     std::fs::write(folder.file("note.txt"), "no volume").unwrap();
@@ -231,6 +248,7 @@ fn studies_refuse_what_they_cannot_do() {
         ("study levels small.adj", ["small.adj", "adj trim --levels auto"]),
         ("study levels missing.adj", ["missing.adj", "open"]),
         ("study levels small.adj --repetitions 0", ["--repetitions", "1"]),
+        ("study levels small.adj --zoom --quick", ["--zoom", "--quick"]),
         ("study accuracy small.adj", ["small.adj", "samples"]),
         ("study accuracy note.txt", ["what is visible", "--range"]),
         ("study accuracy --all", ["--data <FOLDER>", "required"]),

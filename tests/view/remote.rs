@@ -317,7 +317,7 @@ fn a_view_from_afar_fetches_levels_alone() {
         let (canvas, judge) = (Canvas::new(Some(remote.clone())), Canvas::default());
         let mut look = look(&whole, 20.0, 10.0);
         look.eye.fov = fov;
-        look.eye.height *= 6.0;
+        look.eye.height *= 20.0;
         canvas.begin(&remote.model().unwrap(), &look, SIZE).unwrap();
         wait("a level", || remote.fetching().is_none());
         let picture = |canvas: &Canvas, model: &Model| {

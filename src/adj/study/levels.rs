@@ -1,26 +1,29 @@
-//! `adj study levels`: measures what levels of detail save and cost.
+//! `adj study levels`: measures what levels of detail save and cost, and how much pictures jump where they begin.
 
 use std::path::PathBuf;
 
 use clap::Args;
 
 use super::super::progress::{Progress, interrupted};
-use super::super::resources::processor_seconds;
+use super::super::resources::{processor_seconds, processors};
 use super::super::values::number;
 use super::super::{Answer, print_result};
 use super::output::OutputArguments;
 use super::table_of;
 use adjsplat::Model;
 use adjsplat::error::{Error, Result};
+use adjsplat::splat::Quality;
 use adjsplat_study::levels::{Choice, DIRECTIONS, LevelOptions, LevelPictures, LevelSize, PIXELS};
 use adjsplat_study::levels::{geometric_mean, measure, sizes};
 use adjsplat_study::report::ReportCell;
 use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
+use adjsplat_study::zoom;
+use adjsplat_study::zoom::ZoomFrame;
 
 /// Measure what levels of detail save in time, voxels and bytes, what they cost in accuracy, and what they add to files
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Pictures are parallel views at 1, 0.5, 0.25 and 0.125 pixels a voxel, from six directions, on one thread; times are those of the processor. \"db\": of the worst view, over the pixels that are not empty, from a picture of level 0 with --quality high. \"times faster\": than level 0 at --quality standard, the geometric mean of the views; \"least\": of the slowest view. \"lane bytes\": the whole lanes that the walk follows, of the levels that are drawn.\nThe last rows are over all files: times faster are geometric means, db and least are the worst.\n\nExample: adj study levels engine.adj frog.adj --json levels.json --plot levels.svg"
+    after_help = "Pictures are parallel views at 1, 0.5, 0.25, 0.125 and 0.0625 pixels a voxel, from six directions, on one thread; times are those of the processor. \"db\": of the worst view, over the pixels that are not empty, from a picture of level 0 with --quality high. \"times faster\": than level 0 at --quality standard, the geometric mean of the views; \"least\": of the slowest view. \"lane bytes\": the whole lanes that the walk follows, of the levels that are drawn.\nThe last rows are over all files: times faster are geometric means, db and least are the worst.\n--zoom draws 60 frames from 0.1 to 4 pixels a voxel instead. \"change\": root mean square difference from the frame before, over the pixels that are not empty; \"judged change\": the same of level 0 with --quality high, over the same pixels; \"popping\": how much larger the change is; \"allowed\": the error that the quality may have, 38 dB at standard, 30 dB at draft. The table has the frame that pops most, of those where other levels begin to be drawn and of all; the files have all frames.\n\nExample: adj study levels engine.adj frog.adj --json levels.json --plot levels.svg"
 )]
 pub(super) struct Arguments {
     /// .adj files with levels of detail (adj build --levels auto)
@@ -32,6 +35,9 @@ pub(super) struct Arguments {
     /// Two directions in place of six, to see that everything works
     #[arg(long)]
     quick: bool,
+    /// Zoom in on each file, and measure how much pictures jump where other levels begin to be drawn
+    #[arg(long, conflicts_with_all = ["repetitions", "quick"])]
+    zoom: bool,
     #[command(flatten)]
     output: OutputArguments,
 }
@@ -41,6 +47,9 @@ const COLUMNS: &str =
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     arguments.output.check()?;
+    if arguments.zoom {
+        return run_zoom(arguments);
+    }
     let views = if arguments.quick { 2 } else { DIRECTIONS.len() };
     let repetitions = arguments.repetitions.unwrap_or(if arguments.quick { 1 } else { 3 });
     let options = LevelOptions { views, repetitions };
@@ -168,4 +177,82 @@ fn plot(together: &[OverFiles]) -> Plot {
         y: PlotAxis::logarithmic("times as fast as level 0"),
         series,
     }
+}
+
+/// The qualities that draw coarser levels by themselves.
+const ZOOMED: [Quality; 2] = [Quality::Standard, Quality::Draft];
+
+fn run_zoom(arguments: &Arguments) -> Result<Answer> {
+    let opened: Vec<(String, Model)> = arguments.files.iter().map(open).collect::<Result<_>>()?;
+    let mut report = table_of("set quality pixels_a_voxel levels db change judged_change popping allowed");
+    let mut worst = table_of("set quality frames pixels_a_voxel levels change judged_change popping allowed");
+    let mut series: Vec<PlotSeries> = Vec::new();
+    let mut progress = Progress::new(arguments.output.quiet);
+    for (index, (name, model)) in opened.iter().enumerate() {
+        let what = format!("{}/{} {name}", index + 1, opened.len());
+        let zooms = zoom::measure(model, &ZOOMED, processors(), &mut |done, total| progress.show(&what, done, total))?;
+        for (quality, frames) in ZOOMED.into_iter().zip(&zooms) {
+            let series_name = format!("{name}, {}", quality.name());
+            let points = frames.iter().map(|frame| [frame.pixels, frame.popping()]).collect();
+            series.push(PlotSeries::solid(series_name, points));
+            frames.iter().for_each(|frame| report.push(zoom_row(name, quality, frame)));
+            let switches = |before: &ZoomFrame, frame: &ZoomFrame| before.levels != frame.levels;
+            let of_switches = worst_row(name, quality, frames, "switch", switches);
+            let of_all = worst_row(name, quality, frames, "any", |_, _| true);
+            of_switches.into_iter().chain(of_all).for_each(|row| worst.push(row));
+        }
+    }
+    drop(progress);
+    let plot = Plot {
+        title: "Zooming: change from frame to frame, less that of the voxels themselves".into(),
+        x: PlotAxis::logarithmic("pixels a voxel"),
+        y: PlotAxis::linear("root mean square, of full scale"),
+        series,
+    };
+    arguments.output.write(&report, &plot)?;
+    print_result(worst.table(&[]).trim_end());
+    Ok(Answer::Yes)
+}
+
+fn levels_of(frame: &ZoomFrame) -> String {
+    frame.levels.iter().map(usize::to_string).collect::<Vec<_>>().join(" ")
+}
+
+fn zoom_row(name: &str, quality: Quality, frame: &ZoomFrame) -> Vec<ReportCell> {
+    vec![
+        name.into(),
+        quality.name().into(),
+        frame.pixels.into(),
+        levels_of(frame).as_str().into(),
+        frame.psnr.into(),
+        frame.change.into(),
+        frame.judged_change.into(),
+        frame.popping().into(),
+        zoom::allowed(quality).into(),
+    ]
+}
+
+/// Returns the row of the frame that pops most among those that are `picked`; `None` if there is none.
+fn worst_row(
+    name: &str,
+    quality: Quality,
+    frames: &[ZoomFrame],
+    what: &str,
+    picked: impl Fn(&ZoomFrame, &ZoomFrame) -> bool,
+) -> Option<Vec<ReportCell>> {
+    let at = (1..frames.len())
+        .filter(|&at| picked(&frames[at - 1], &frames[at]))
+        .max_by(|&a, &b| frames[a].popping().total_cmp(&frames[b].popping()))?;
+    let (before, frame) = (&frames[at - 1], &frames[at]);
+    Some(vec![
+        name.into(),
+        quality.name().into(),
+        what.into(),
+        frame.pixels.into(),
+        format!("{} to {}", levels_of(before), levels_of(frame)).as_str().into(),
+        frame.change.into(),
+        frame.judged_change.into(),
+        frame.popping().into(),
+        zoom::allowed(quality).into(),
+    ])
 }
