@@ -153,6 +153,25 @@ fn modes_whose_pictures_levels_would_change_draw_the_voxels() {
     assert!(error.contains("level: is 3, but the file has levels 0 to 2"), "{error}");
 }
 
+/// A level has whole blocks: a slice whose blocks have their centres outside of it vanished, others became a block thick.
+#[test]
+fn a_crop_of_one_slice_neither_vanishes_nor_thickens() {
+    let model = model("shells", [96; 3], [1.0; 3], 2, 0.8);
+    let size = [24, 24];
+    for view in [[0.0, 0.0], [90.0, 0.0]] {
+        for projection in [Projection::Parallel { height: 24.0 / 0.25 }, Projection::Perspective { fov: 30.0 }] {
+            let camera = camera(&model, view, 400.0, projection);
+            for slice in 44..=49 {
+                let crop = adjsplat::traverse::VoxelBox { low: [slice, 0, 0], high: [slice, 95, 95] };
+                let settings = Settings::new(size).with_quality(Quality::Draft).with_threads(1).with_crop(crop);
+                let voxels = draw(&model, &camera, &settings.clone().with_level(0));
+                assert!(voxels.pixels().iter().any(|sample| *sample > 0.05), "slice {slice} shows nothing");
+                assert!(draw(&model, &camera, &settings) == voxels, "slice {slice}, {view:?}, {projection:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn a_crop_of_whole_blocks_cuts_a_level_where_it_cuts_the_voxels() {
     let model = model("shells", [96; 3], [1.0; 3], 2, 0.8);

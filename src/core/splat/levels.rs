@@ -32,6 +32,10 @@ const CUT_OFF: f32 = 3.2;
 /// drawing one takes about twice as long as drawing one of level 0.
 const WORTHWHILE: f64 = 0.4;
 
+/// A crop that divides blocks of a level is drawn from that level only if it is at least so many blocks thick, as it is rounded
+/// to whole blocks: a crop of one slice would vanish, or become a block thick.
+const CROP_BLOCKS: u32 = 16;
+
 /// A part of the volume, and the level that it is drawn from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LevelPart {
@@ -158,6 +162,7 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
     if levels == 0 || !is_composite || settings.order.is_some() {
         return Ok(whole);
     }
+    let levels = (1..=levels).take_while(|&level| keeps_crop(scene, level, settings.crop)).count();
     let view = View::new(camera, &scene.facts.grid, settings.size, settings.kernel(), settings.near)?;
     let edge = |level: usize| {
         let grid = &facts_of(scene, level).grid;
@@ -201,6 +206,18 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
         (crop.low[slow] <= crop.high[slow]).then(|| LevelPart::within(scene, level, Some(crop))).flatten()
     };
     Ok(runs.into_iter().filter_map(part).collect())
+}
+
+/// Returns whether a crop is nearly the same at a level: along each axis it has whole blocks, or many.
+fn keeps_crop(scene: &Scene, level: usize, crop: Option<VoxelBox>) -> bool {
+    let Some(crop) = crop else { return true };
+    let factors = factors(&scene.facts.grid, &facts_of(scene, level).grid);
+    (0..3).all(|a| {
+        let (points, factor) = (scene.facts.grid.dims[a], factors[a]);
+        let (first, end) = (u32::from(crop.low[a]), points.min(u32::from(crop.high[a]) + 1));
+        let is_whole = first.is_multiple_of(factor) && (end.is_multiple_of(factor) || end == points);
+        is_whole || end.saturating_sub(first) >= CROP_BLOCKS * factor
+    })
 }
 
 /// Returns how much farther from the eye a voxel may be than it is along the view axis: the inverse cosine of the angle
