@@ -184,6 +184,7 @@ impl<'a> Renderer<'a> {
         &mut self,
         camera: &Camera,
         settings: &mut Settings,
+        #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only devices have a bound of their own"))]
         fit: bool,
     ) -> Result<(Frame, FrameStats)> {
         #[cfg(feature = "gpu")]
