@@ -15,6 +15,8 @@ use adjsplat::collection::{Collection, MANIFEST, Manifest};
 use adjsplat::error::{Error, Result};
 
 /// Join a collection to one .adj file: the bytes that one build of the whole volume makes
+///
+/// The bricks are mapped: their pages are not counted as memory, because the system can take them back.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: adj join head.adjs -o head.adj")]
 pub(super) struct Arguments {

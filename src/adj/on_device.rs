@@ -84,6 +84,26 @@ fn quiet_about_lost_devices() {
 }
 
 impl OnDevice<'_> {
+    /// Draws the finest level of detail, from that of `settings` on, that fits into the video memory, and sets it in
+    /// `settings`.
+    ///
+    /// # Errors
+    /// The error of the coarsest level if none fits; any other error of the renderer.
+    pub(super) fn render_fitting(&mut self, camera: &Camera, settings: &mut Settings) -> Result<(Frame, FrameStats)> {
+        let mut level = settings.level.unwrap_or(0);
+        loop {
+            let of_level = settings.clone().with_level(level);
+            match self.render(camera, &of_level) {
+                Err(Error::Limit { .. }) if level < self.scene.lanes.levels().len() => level += 1,
+                Err(fault) => return Err(fault),
+                Ok(drawn) => {
+                    *settings = of_level;
+                    return Ok(drawn);
+                }
+            }
+        }
+    }
+
     pub(super) fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
         // A maximum is drawn in tiles, whatever the user asks for.
         let is_maximum = settings.mode.is_maximum();

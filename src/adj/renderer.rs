@@ -174,15 +174,26 @@ impl RendererArguments {
 }
 
 impl<'a> Renderer<'a> {
-    /// Draws a frame.
+    /// Draws a frame. With `fit`, where it does not fit into the video memory, this draws the finest level of detail that fits,
+    /// which it sets in `settings`.
     ///
     /// # Errors
     /// Any error of the renderer. If a device fails that the user did not choose, the processor draws instead, with a
     /// note.
-    pub(super) fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
+    pub(super) fn render(
+        &mut self,
+        camera: &Camera,
+        settings: &mut Settings,
+        #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only devices have a bound of their own"))]
+        fit: bool,
+    ) -> Result<(Frame, FrameStats)> {
         #[cfg(feature = "gpu")]
         if let Renderer::Gpu(on_device) = self {
-            match on_device.render(camera, settings) {
+            let drawn = match on_device.render(camera, settings) {
+                Err(Error::Limit { .. }) if fit => on_device.render_fitting(camera, settings),
+                drawn => drawn,
+            };
+            match drawn {
                 Err(fault @ (Error::Device { .. } | Error::Limit { .. })) if on_device.is_auto => {
                     *self = Renderer::instead(&fault, on_device.scene);
                 }
@@ -224,11 +235,6 @@ impl<'a> Renderer<'a> {
             Renderer::Bricks(collection, transfer, _) => collection.levels_drawn(transfer, camera, settings),
             _ => Ok(level_parts(self.scene()?, camera, settings)?.into_iter().map(|part| part.level).collect()),
         }
-    }
-
-    /// Returns whether the scene has a coarser level of detail than that of `settings`.
-    pub(super) fn has_coarser(&self, settings: &Settings) -> bool {
-        self.scene().is_ok_and(|scene| settings.level.unwrap_or(0) < scene.lanes.levels().len())
     }
 
     fn scene(&self) -> Result<&Scene<'a>> {

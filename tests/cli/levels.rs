@@ -171,6 +171,18 @@ fn bricks_are_built_with_levels_and_drawn_from_them() {
             assert!(stats["image_sha256"] == whole["image_sha256"] || !is_same, "{view} {how}");
         }
     }
+    // Without a brick too: levels are those of the bricks, and not made again without the brick's neighbours.
+    let missing =
+        std::fs::read_dir(folder.file("a.adjs")).expect("a folder").map(|entry| entry.expect("a file").path());
+    let missing = missing.filter(|path| path.to_string_lossy().contains("brick-")).min().expect("a brick");
+    std::fs::rename(&missing, folder.file("away.adj")).expect("it is ours");
+    for view in ["--size 24x24 --quality draft", "--size 200x200 --level 1", "--size 60x60 --perspective 100"] {
+        let (_, joined) = drawn(&folder, &format!("a.adjs --partial {view}"));
+        let (_, within) = drawn(&folder, &format!("a.adjs --partial --memory 128MiB {view}"));
+        assert_eq!(joined["levels"], within["levels"], "{view}");
+        assert!(joined["image_sha256"] == within["image_sha256"], "{view}");
+    }
+    std::fs::rename(folder.file("away.adj"), &missing).expect("it is ours");
     let (told, stats) = drawn(&folder, "a.adjs --bricks --size 60x60 --perspective 100 --quality draft");
     assert_eq!(stats["levels"], json!([0, 1]), "{told}");
     folder.adj("render a.adjs --bricks --level 3 -o p.png").refused(&["--level", "is 3", "levels 0 to 2"]);

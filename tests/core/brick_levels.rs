@@ -35,7 +35,7 @@ fn planned_bricks_with_levels_join_to_the_bytes_of_one_build() {
             assert_eq!(collection.manifest().levels, 3);
             let whole = joined(&collection, &folder.path().join("joined.adj"));
             assert!(whole == arena.bytes(), "volume {v}, function {f}, bricks of {bricks:?}");
-            assert!(collection.joined_bytes(u64::MAX, 2, &mut Unobserved).unwrap() == arena.bytes());
+            assert!(collection.joined_bytes(usize::MAX, u64::MAX, 2, &mut Unobserved).unwrap() == arena.bytes());
             assert!(collection.check().is_empty(), "{:?}", collection.check());
         }
     }
@@ -115,6 +115,35 @@ fn body(folder: &Path) -> (Model, Collection) {
     let model = Build::new(options.clone()).run(&volume).unwrap();
     let bricks = [[0, 0, 12], [0, 12, 0], [12, 0, 0]];
     (model, planned(&volume, &options, &bricks, &folder.join("body.adjs")).unwrap())
+}
+
+#[test]
+fn joined_bricks_hold_no_level_that_their_picture_does_not_need() {
+    let folder = tempfile::tempdir().unwrap();
+    let (model, collection) = body(folder.path());
+    let whole = model.arena().unwrap();
+    for (pixels, quality, level) in [
+        (100, Quality::Draft, None),
+        (20, Quality::Draft, None),
+        (8, Quality::High, None),
+        (100, Quality::High, Some(1)),
+    ] {
+        let settings = Settings::new([pixels, pixels]).with_quality(quality).with_level(level);
+        let camera = model.camera(&Orbit::default(), &settings).unwrap();
+        let drawn = collection.levels_drawn(model.transfer(), &camera, &settings).unwrap();
+        let needed = collection.levels_needed(model.transfer(), &[camera], &settings).unwrap();
+        // In a parallel view one level is drawn.
+        assert_eq!(Some(&needed), drawn.last(), "{pixels}, {quality:?}, {level:?}");
+        let bytes = collection.joined_bytes(needed, u64::MAX, 2, &mut Unobserved).unwrap();
+        let arena = Arena::new(&bytes).unwrap();
+        assert_eq!(usize::from(arena.level_count()), needed);
+        for level in 0..=arena.level_count() {
+            assert!(voxels(&arena.level(level).unwrap()) == voxels(&whole.level(level).unwrap()), "level {level}");
+        }
+    }
+    let beyond = Settings::new([8, 8]).with_level(3);
+    let camera = model.camera(&Orbit::default(), &beyond).unwrap();
+    assert!(collection.levels_needed(model.transfer(), &[camera], &beyond).is_err());
 }
 
 #[test]

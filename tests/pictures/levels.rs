@@ -98,8 +98,8 @@ fn pictures_of_small_voxels_keep_what_their_quality_promises() {
     let (solid, thin) = (model_of("marschner-lobb"), model_of("shells"));
     let size = [72, 68];
     for (model, pixels, quality, level, least) in [
-        (&solid, 0.135, Quality::Standard, 1, 38.0),
-        (&solid, 0.14, Quality::Standard, 0, 38.0),
+        (&solid, 0.25, Quality::Standard, 1, 38.0),
+        (&solid, 0.26, Quality::Standard, 0, 38.0),
         (&solid, 0.5, Quality::Draft, 1, 30.0),
         (&solid, 0.1675, Quality::Draft, 2, 30.0),
         (&solid, 0.0625, Quality::Draft, 3, 30.0),
@@ -156,6 +156,25 @@ fn modes_whose_pictures_levels_would_change_draw_the_voxels() {
     }
     let error = model.render(&camera, &Settings::new(size).with_level(3)).unwrap_err().to_string();
     assert!(error.contains("level: is 3, but the file has levels 0 to 2"), "{error}");
+}
+
+/// A level has whole blocks: a slice whose blocks have their centres outside of it vanished, others became a block thick.
+#[test]
+fn a_crop_of_one_slice_neither_vanishes_nor_thickens() {
+    let model = model("shells", [96; 3], [1.0; 3], 2, 0.8);
+    let size = [24, 24];
+    for view in [[0.0, 0.0], [90.0, 0.0]] {
+        for projection in [Projection::Parallel { height: 24.0 / 0.25 }, Projection::Perspective { fov: 30.0 }] {
+            let camera = camera(&model, view, 400.0, projection);
+            for slice in 44..=49 {
+                let crop = adjsplat::traverse::VoxelBox { low: [slice, 0, 0], high: [slice, 95, 95] };
+                let settings = Settings::new(size).with_quality(Quality::Draft).with_threads(1).with_crop(crop);
+                let voxels = draw(&model, &camera, &settings.clone().with_level(0));
+                assert!(voxels.pixels().iter().any(|sample| *sample > 0.05), "slice {slice} shows nothing");
+                assert!(draw(&model, &camera, &settings) == voxels, "slice {slice}, {view:?}, {projection:?}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -11,9 +11,10 @@ use super::frames::draw_frames;
 use super::view::cameras;
 use super::{RenderJob, draw};
 use adjsplat::arena::Arena;
+use adjsplat::classify::TransferFunction;
 use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
-use adjsplat::file::{RowsOutput, open_rows, scratch_folder};
+use adjsplat::file::scratch_folder;
 use adjsplat::internals::drawable;
 use adjsplat::splat::Settings;
 
@@ -29,19 +30,44 @@ impl RenderJob<'_> {
             return self.draw_bricks(&collection, settings);
         }
         let transfer = arguments.classification.transfer(self.input.path())?;
+        let levels = self.levels_to_join(&collection, transfer.as_ref(), &settings)?;
         let mut progress = Progress::new(arguments.quiet);
         if self.memory.is_some() {
-            let output = RowsOutput { memory: self.memory, threads: settings.threads, ..collection.output() };
             let folder = scratch_folder(&arguments.output)?;
-            let file = open_rows(&folder, &collection.rows()?, &output, &mut progress)?;
+            let file = collection.joined_file(levels, &folder, self.memory, settings.threads, &mut progress)?;
             drop(progress);
             return self.draw_file(file, settings, transfer);
         }
-        let bytes = collection.joined_bytes(u64::MAX, settings.threads, &mut progress)?;
+        let bytes = collection.joined_bytes(levels, u64::MAX, settings.threads, &mut progress)?;
         drop(progress);
         let arena = Arena::new(&bytes).map_err(|fault| Error::Format { path: self.input.path().into(), fault })?;
         let cameras = self.pictured(&arena, &mut settings)?;
         draw(self, settings, &cameras, BoundedLanes::new(arena, None, None), transfer)
+    }
+
+    /// Returns how many coarser levels of detail the pictures need: joining a level takes time and memory. `given` is the
+    /// transfer function that the user asks for.
+    fn levels_to_join(
+        &self,
+        collection: &Collection,
+        given: Option<&TransferFunction>,
+        settings: &Settings,
+    ) -> Result<usize> {
+        let (arguments, all) = (self.arguments, collection.levels().len());
+        let mut settings = settings.clone();
+        settings.level = self.level(collection.manifest().levels)?;
+        let first = collection.bricks().iter().find_map(|brick| brick.file.as_ref());
+        // What --fit and --max-error draw is not known yet.
+        let (Some(first), false) = (first, all == 0 || arguments.fit || arguments.look.max_error.is_some()) else {
+            return Ok(all);
+        };
+        let transfer = match given {
+            Some(transfer) => transfer.clone(),
+            None => stored_transfer(&first.arena()?, self.input.path())?,
+        };
+        settings.crop = arguments.view.crop.map(|crop| crop.in_grid(collection.grid().dims)).transpose()?;
+        let cameras = cameras(&arguments.view, &collection.outline(settings.crop)?, settings.size)?;
+        collection.levels_needed(&transfer, &cameras, &settings)
     }
 
     fn check_stats(&self, collection: &Collection) -> Result<()> {

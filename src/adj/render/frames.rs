@@ -41,14 +41,7 @@ pub(super) fn draw_frames(
             return Err(Error::Interrupted);
         }
         let asked = settings.level;
-        let (mut frame, stats) = loop {
-            match renderer.render(camera, &settings) {
-                Err(Error::Limit { .. }) if arguments.fit && renderer.has_coarser(&settings) => {
-                    settings.level = Some(settings.level.unwrap_or(0) + 1);
-                }
-                drawn => break drawn?,
-            }
-        };
+        let (mut frame, stats) = renderer.render(camera, &mut settings, arguments.fit)?;
         if let Some(level) = settings.level.filter(|_| settings.level != asked) {
             print_note(&format!("note: level {level} is drawn, the finest that fits into the video memory"));
         }

@@ -14,7 +14,7 @@ use crate::arena::layout::Facts;
 use crate::arena::{Checked, Region, Rows};
 use crate::build::Observer;
 use crate::error::{Error, Result};
-use crate::file::{AdjFile, RowsOutput, bytes_of_rows_and_levels, write_rows_and_levels};
+use crate::file::{AdjFile, RowsOutput, bytes_of_rows_and_levels, open_rows_and_levels, write_rows_and_levels};
 use crate::limits::Limits;
 use crate::volume::Grid;
 use crate::volume::source::obtainable;
@@ -137,6 +137,12 @@ impl Collection {
         &self.bricks[partitions.max_by_key(there).expect("there is a partition")]
     }
 
+    /// Returns the number of visible voxels in bricks without faults.
+    pub(super) fn visible_voxels(&self) -> u64 {
+        let usable = self.once().iter().filter(|brick| brick.file.is_some());
+        usable.map(|brick| brick.entry.visible_voxels).sum()
+    }
+
     /// Returns the file of the whole with fewer grid points, memory-mapped; `None` if there is none, or if it has a fault.
     pub fn preview(&self) -> Option<&AdjFile> {
         self.preview.as_ref().and_then(|opened| opened.as_ref().ok())
@@ -196,9 +202,9 @@ impl Collection {
         Ok(JoinedRows { dims: facts.grid.dims, channels: facts.channels, bricks })
     }
 
-    /// Returns the voxels of the levels of all bricks without faults, from level 1 on.
-    fn level_rows(&self) -> Result<Vec<Box<dyn Rows + '_>>> {
-        let levels = (1..).zip(self.manifest.levels());
+    /// Returns the voxels of the first `most` levels of all bricks without faults, from level 1 on.
+    fn level_rows(&self, most: usize) -> Result<Vec<Box<dyn Rows + '_>>> {
+        let levels = (1..).zip(self.manifest.levels()).take(most);
         let rows = levels.map(|(number, level)| {
             let rows = self.joined_rows(number, &level.facts, |region| level.place(region))?;
             Ok(Box::new(rows) as Box<dyn Rows + '_>)
@@ -206,11 +212,18 @@ impl Collection {
         rows.collect()
     }
 
-    /// Joins the bricks in memory: returns the bytes of the `.adj` file that [`Collection::join`] writes.
+    /// Joins the bricks in memory: returns the bytes of the `.adj` file that [`Collection::join`] writes, but with no more than
+    /// `levels` coarser levels of detail.
     ///
     /// # Errors
     /// [`Error::Limit`] if the bricks' files are larger than `most` bytes in all; any error of reading them.
-    pub fn joined_bytes(&self, most: u64, threads: usize, observer: &mut dyn Observer) -> Result<Vec<u8>> {
+    pub fn joined_bytes(
+        &self,
+        levels: usize,
+        most: u64,
+        threads: usize,
+        observer: &mut dyn Observer,
+    ) -> Result<Vec<u8>> {
         let mut need = 0u64;
         let once = self.once();
         for file in once.iter().filter_map(|brick| brick.file.as_ref()) {
@@ -219,17 +232,34 @@ impl Collection {
         let what = "bytes of memory, to join its bricks (open its preview, or a brick)";
         Limits::default().check(&self.path, what, need, most.min(obtainable(need)))?;
         let rows = self.rows()?;
-        let usable = once.iter().filter(|brick| brick.file.is_some());
-        let visible_voxels = usable.map(|brick| brick.entry.visible_voxels).sum();
+        let visible_voxels = self.visible_voxels();
         if visible_voxels == 0 {
             return Err(Error::input(self.path.display().to_string(), "none of its bricks can be used"));
         }
         let facts = Facts { visible_voxels, ..self.manifest.facts() };
         let output = RowsOutput { facts, threads, ..self.output() };
-        bytes_of_rows_and_levels(&rows, &self.level_rows()?, &output, observer)
+        bytes_of_rows_and_levels(&rows, &self.level_rows(levels)?, &output, observer)
     }
 
-    /// Joins the bricks to an `.adj` file at `path`, with bounded memory; returns its header facts and length in bytes.
+    /// Joins the bricks like [`Collection::join`], but with no more than `levels` coarser levels of detail, and to a file without
+    /// a name in `folder`, which disappears when it is closed.
+    ///
+    /// # Errors
+    /// The errors of [`open_rows`](crate::file::open_rows).
+    pub fn joined_file(
+        &self,
+        levels: usize,
+        folder: &Path,
+        memory: Option<u64>,
+        threads: usize,
+        observer: &mut dyn Observer,
+    ) -> Result<AdjFile> {
+        let output = RowsOutput { memory, threads, ..self.output() };
+        open_rows_and_levels(folder, &self.rows()?, &self.level_rows(levels)?, &output, observer)
+    }
+
+    /// Joins the bricks to an `.adj` file at `path`, with bounded memory; returns its header facts and length in bytes. Pages of
+    /// the mapped bricks are not counted, because the system can take them back.
     ///
     /// Without faults it has the bytes of the file that one build of the whole volume makes. Bricks with faults are left
     /// out: ask [`Collection::require_all`] first.
@@ -244,11 +274,11 @@ impl Collection {
         observer: &mut dyn Observer,
     ) -> Result<(Facts, u64)> {
         let output = RowsOutput { memory, threads, ..self.output() };
-        write_rows_and_levels(path, &self.rows()?, &self.level_rows()?, &output, observer)
+        write_rows_and_levels(path, &self.rows()?, &self.level_rows(usize::MAX)?, &output, observer)
     }
 
     /// Returns what the joined file holds beside the voxels, to be written by one thread.
-    pub fn output(&self) -> RowsOutput<'_> {
+    fn output(&self) -> RowsOutput<'_> {
         RowsOutput {
             facts: self.manifest.facts(),
             description: self.manifest.description(),

@@ -99,6 +99,26 @@ impl Collection {
         Ok(Some(level_parts(&scene, camera, settings)?.first().map_or(0, |part| part.level)))
     }
 
+    /// Returns how many coarser levels of detail the joined bricks need for pictures that are those with all levels.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a camera or the level cannot be used.
+    pub fn levels_needed(&self, transfer: &TransferFunction, cameras: &[Camera], settings: &Settings) -> Result<usize> {
+        let facts = Facts { visible_voxels: self.visible_voxels(), ..self.manifest().facts() };
+        let parts = |camera: &Camera, count: usize| {
+            let lanes = WholeLevels(&self.levels()[..count]);
+            level_parts(&Scene { facts: &facts, lanes: &lanes, transfer }, camera, settings)
+        };
+        let mut needed = 0;
+        for camera in cameras {
+            let all = parts(camera, self.levels().len())?;
+            while !parts(camera, needed).is_ok_and(|parts| parts == all) {
+                needed += 1;
+            }
+        }
+        Ok(needed)
+    }
+
     /// Returns the levels of detail that a picture of all bricks shows, finest first; 0 for the voxels themselves.
     ///
     /// # Errors

@@ -98,18 +98,26 @@ pub(crate) fn levels_in_files(
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<Vec<AdjFile>> {
-    // Where the system cannot release pages, it may take them back by itself.
-    let limit = output.memory.filter(|_| cfg!(unix)).map(|memory| (memory / RESIDENT_SHARE).min(RESIDENT_BYTES));
+    let limit = most_resident(output);
     let held = limit.map_or(0, |limit| limit + output.threads.max(1) as u64 * IN_FLIGHT);
     let memory = output.memory.map(|memory| memory.saturating_sub(held));
     let write = &mut |rows: &dyn Rows, facts: &Facts, lane_count: u8, observer: &mut dyn Observer| {
-        let level = in_file(folder, rows, facts, &RowsOutput { lane_count, memory, ..output.clone() }, observer)?;
-        match limit {
-            Some(limit) => level.keep_resident_below(limit),
-            None => Ok(level),
-        }
+        bounded(in_file(folder, rows, facts, &RowsOutput { lane_count, memory, ..output.clone() }, observer)?, limit)
     };
     levels(rows, output, observer, write)
+}
+
+/// Returns the most bytes of a level's file that may be resident; `None` for no limit.
+fn most_resident(output: &RowsOutput) -> Option<u64> {
+    // Where the system cannot release pages, it may take them back by itself.
+    output.memory.filter(|_| cfg!(unix)).map(|memory| (memory / RESIDENT_SHARE).min(RESIDENT_BYTES))
+}
+
+fn bounded(level: AdjFile, limit: Option<u64>) -> Result<AdjFile> {
+    match limit {
+        Some(limit) => level.keep_resident_below(limit),
+        None => Ok(level),
+    }
 }
 
 /// Writes `rows` as a level to a file without a name in `folder`.
@@ -159,7 +167,10 @@ pub(super) fn given_levels_in_files(
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<Vec<AdjFile>> {
-    given(levels, output, observer, |rows, facts, observer| in_file(folder, rows, facts, output, observer))
+    let limit = most_resident(output);
+    given(levels, output, observer, |rows, facts, observer| {
+        bounded(in_file(folder, rows, facts, output, observer)?, limit)
+    })
 }
 
 /// Returns the bytes of levels that are there already, from level 1 on.

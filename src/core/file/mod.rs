@@ -15,4 +15,4 @@ pub use atomic_temporary::abandon_writes;
 pub(crate) use levels::levels_in_files;
 pub use map::AdjFile;
 pub use write::{RowsOutput, arena_bytes, open_rows, write_rows};
-pub(crate) use write::{bytes_of_rows, bytes_of_rows_and_levels, write_rows_and_levels};
+pub(crate) use write::{bytes_of_rows, bytes_of_rows_and_levels, open_rows_and_levels, write_rows_and_levels};

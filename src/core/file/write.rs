@@ -177,6 +177,24 @@ pub fn open_rows(folder: &Path, rows: &dyn Rows, output: &RowsOutput, observer: 
     AdjFile::of(&file, folder, &Limits::default())
 }
 
+/// Writes an `.adj` file like [`open_rows`], whose levels have the voxels of `levels`, from level 1 on.
+///
+/// # Errors
+/// The same as [`write_rows`].
+pub(crate) fn open_rows_and_levels(
+    folder: &Path,
+    rows: &dyn Rows,
+    levels: &[Box<dyn Rows + '_>],
+    output: &RowsOutput,
+    observer: &mut dyn Observer,
+) -> Result<AdjFile> {
+    Limits::check_description(output.description)?;
+    let file = unnamed(folder)?;
+    let levels = given_levels_in_files(folder, levels, output, observer)?;
+    write_sections(&file, folder, levels, rows, output, observer)?;
+    AdjFile::of(&file, folder, &Limits::default())
+}
+
 /// Writes the voxels of `rows` to `file`; `path` is used in messages. Levels are made in `folder`.
 pub(super) fn write_rows_to(
     file: &File,

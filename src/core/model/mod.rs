@@ -100,7 +100,7 @@ impl Model {
             let collection = Collection::open_with(path.as_ref(), limits)?;
             collection.require_all()?;
             let threads = std::thread::available_parallelism().map_or(1, usize::from);
-            let bytes = collection.joined_bytes(limits.derived_bytes, threads, &mut Unobserved)?;
+            let bytes = collection.joined_bytes(usize::MAX, limits.derived_bytes, threads, &mut Unobserved)?;
             return Model::new(Bytes::InMemory(bytes), DerivedLanes::new(limits.derived_bytes), path.as_ref());
         }
         let file = AdjFile::open_with(path.as_ref(), limits)?;

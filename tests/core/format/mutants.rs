@@ -6,8 +6,8 @@
 //!
 //! * *Damage*, half of all: bits flip, bytes go, come and move, examples are spliced. No checksum is repaired.
 //!   **Detects** means: opening or the check refuses every file that is not byte for byte one of the examples.
-//! * *Lies*: fields of the header and of the section table, in place. The header's checksum is repaired, in some the
-//!   sections' too, so that the rules behind checksums are reached.
+//! * *Lies*: fields of the header and of the section table, of the file or of a level of detail, in place. The header's
+//!   checksum is repaired, in some the sections' too, so that the rules behind checksums are reached.
 //! * *Rebuilt*: parts are changed and put together anew with every offset, length and checksum right.
 //!
 //! A lie or a rebuilt file may well be sound: then it is no fault to accept it. **Detects** means for them, and is
@@ -157,7 +157,7 @@ fn judge(seed: u64, examples: &Examples, looks: &Looks, tally: &mut Tally) {
     tally.slowest = tally.slowest.max(start.elapsed());
 }
 
-/// Whether all that the file says of its sections' bytes is true: R12, and R21.
+/// Whether all that the file says of its sections' bytes is true, and each of its levels: R12, and R21.
 pub(crate) fn is_whole(file: &[u8], arena: &Arena) -> bool {
     let mut filling = vec![true; file.len()];
     filling[..256 + 32 * arena.sections().len()].fill(false);
@@ -167,7 +167,10 @@ pub(crate) fn is_whole(file: &[u8], arena: &Arena) -> bool {
         filling[range.clone()].fill(false);
         xxh3_64(&file[range]) == section.xxh3.get()
     });
-    sums_are_right && file.iter().zip(filling).all(|(&byte, fills)| !fills || byte == 0)
+    let levels_are_whole = || {
+        (1..=arena.level_count()).filter_map(|level| arena.level(level)).all(|level| is_whole(level.bytes(), &level))
+    };
+    sums_are_right && file.iter().zip(filling).all(|(&byte, fills)| !fills || byte == 0) && levels_are_whole()
 }
 
 #[test]

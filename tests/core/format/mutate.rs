@@ -1,5 +1,7 @@
 //! How mutants are made: see [`crate::format::mutants`] for the three kinds.
 
+use std::ops::Range;
+
 use adjsplat::arena::Arena;
 use adjsplat_tests::random::Random;
 use xxhash_rust::xxh3::xxh3_64;
@@ -83,9 +85,19 @@ pub(crate) fn lying(example: &[u8], random: &mut Random) -> Vec<u8> {
     }
 }
 
-/// As [`lying`]; what is set may have been so.
+/// As [`lying`]; what is set may have been so. Of a file with levels of detail, one of these lies as often as not.
 fn perhaps_lying(example: &[u8], random: &mut Random) -> Vec<u8> {
     let mut file = example.to_vec();
+    let levels = levels(&file);
+    if !levels.is_empty() && random.below(2) == 0 {
+        let place = levels[random.index(levels.len())].clone();
+        let mut level = perhaps_lying(&example[place.clone()], random);
+        level.resize(place.len(), 0);
+        file[place].copy_from_slice(&level);
+        repair_sections(&mut file);
+        repair_header(&mut file);
+        return file;
+    }
     for _ in 0..=random.below(2) {
         match random.below(8) {
             0..2 => lie_in_header(&mut file, random),
@@ -108,6 +120,19 @@ fn perhaps_lying(example: &[u8], random: &mut Random) -> Vec<u8> {
     }
     repair_header(&mut file);
     file
+}
+
+/// Where the levels of detail of a sound file lie.
+fn levels(file: &[u8]) -> Vec<Range<usize>> {
+    let number = |at: usize| u64::from_le_bytes(file[at..at + 8].try_into().unwrap());
+    let entries = (0..section_count(file)).map(|index| HEADER + ENTRY * index);
+    let of_levels =
+        entries.filter(|&entry| (0x8001..=0x800f).contains(&u16::from_le_bytes([file[entry], file[entry + 1]])));
+    let place = |entry: usize| {
+        let [from, len] = [8, 16].map(|at| usize::try_from(number(entry + at)).unwrap());
+        from..from + len
+    };
+    of_levels.map(place).collect()
 }
 
 /// A number that is near what was there, or far from all that makes sense.

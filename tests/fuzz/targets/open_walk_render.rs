@@ -116,7 +116,12 @@ mod repair {
     const HEADER: usize = 256;
     const ENTRY: usize = 32;
 
+    /// Those of a file, and of its levels of detail, which are files too.
     pub fn checksums(file: &mut [u8]) {
+        repair(file, true);
+    }
+
+    fn repair(file: &mut [u8], has_levels: bool) {
         let Some(count) = file.get(12..16) else { return };
         let count = u32::from_le_bytes(count.try_into().expect("four bytes")) as usize;
         let Some(table_end) = count.checked_mul(ENTRY).map(|bytes| HEADER + bytes).filter(|&end| end <= file.len())
@@ -129,7 +134,11 @@ mod repair {
             let number = |at: usize| u64::from_le_bytes(file[entry + at..][..8].try_into().expect("eight bytes"));
             let (from, len) = (number(8), number(16));
             let to = from.checked_add(len).and_then(|to| usize::try_from(to).ok());
-            if let Some(section) = usize::try_from(from).ok().zip(to).and_then(|(from, to)| file.get(from..to)) {
+            let is_level = matches!(u16::from_le_bytes([file[entry], file[entry + 1]]), 0x8001..=0x800f);
+            if let Some(section) = usize::try_from(from).ok().zip(to).and_then(|(from, to)| file.get_mut(from..to)) {
+                if is_level && has_levels {
+                    repair(section, false);
+                }
                 let sum = xxh3_64(section);
                 file[entry + 24..][..8].copy_from_slice(&sum.to_le_bytes());
             }
