@@ -103,7 +103,7 @@ pub fn level_kernel(kernel: KernelShape, level: usize) -> KernelShape {
 /// Returns the most pixels that the longest edge of a voxel of `level` may have; 0 if the level is never drawn.
 ///
 /// With these numbers all sets of docs/studies/levels.md have at least 38 dB from level 0 at [`Quality::Standard`] and 30 dB at
-/// [`Quality::Draft`], in the worst of six views. What each comes from:
+/// [`Quality::Draft`], in the worst of six views; finer waves than theirs have less. What each comes from:
 ///
 /// * Standard, level 1: mr has 38.2 dB at 0.27 pixels, sag 38 at 0.34, engine at 0.6, vessels at 0.85.
 /// * Standard, level 2: engine has 35.5 dB at 0.25 pixels. At 0.125 the pictures of all sets have fewer than 32 pixels a side, and
