@@ -154,8 +154,8 @@ fn bricks_are_drawn_from_the_levels_that_the_whole_is_drawn_from() {
     for (pixels, quality, level) in [
         (100, Quality::Draft, 0),
         (20, Quality::Draft, 1),
-        (8, Quality::Draft, 2),
-        (8, Quality::Standard, 1),
+        (7, Quality::Draft, 2),
+        (6, Quality::Standard, 1),
         (8, Quality::High, 0),
     ] {
         // A splat on the border between two threads' parts counts twice.

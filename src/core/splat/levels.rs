@@ -107,7 +107,8 @@ pub fn level_kernel(kernel: KernelShape, level: usize) -> KernelShape {
 /// Returns the most pixels that the longest edge of a voxel of `level` may have; 0 if the level is never drawn.
 ///
 /// The aim is 38 dB from level 0 at [`Quality::Standard`] and 30 dB at [`Quality::Draft`], in the worst of six views. The sets
-/// of docs/studies/levels.md keep it with these numbers, but for two (see standard, level 1). What each comes from:
+/// of docs/studies/levels.md keep it with these numbers, but for two (see standard, level 1); finer waves than theirs have less.
+/// What each comes from:
 ///
 /// * Standard, level 1: 38 dB are kept from 0.59 pixels on by engine, from 0.8 by vessels, iron and atlas. Two MR heads have 36.3
 ///   and 36.5 dB at 0.5 pixels, and keep 38 from 0.29 and 0.34 on: that is worth 2 to 2.8 times the speed of the others.
