@@ -175,7 +175,7 @@ fn bricks_are_drawn_from_the_levels_that_the_whole_is_drawn_from() {
         let (found, voxels) = (decibels_of(&settings), decibels_of(&settings.clone().with_level(0)));
         println!("{pixels}, {quality:?}: {found:.1} dB, level 0 {voxels:.1} dB");
         // Where several voxels share a pixel, pictures of bricks are put together when pixels are means already.
-        assert!(found > 22.0 && found > voxels - 3.0, "{pixels}, {quality:?}: {found:.1} dB, level 0 {voxels:.1} dB");
+        assert!(found > 20.0 && found > voxels - 3.0, "{pixels}, {quality:?}: {found:.1} dB, level 0 {voxels:.1} dB");
         if level > 0 {
             let (_, all) = collection.render(model.transfer(), &camera, &settings.clone().with_level(0)).unwrap();
             assert!(stats.splats_drawn * 3 < all.splats_drawn, "{} of {}", stats.splats_drawn, all.splats_drawn);
