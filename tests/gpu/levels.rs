@@ -45,8 +45,9 @@ impl Lanes for Levelled {
 impl Levelled {
     /// Curved sheets on a grid, with coverages of 8 or 16 bits.
     pub(crate) fn new(dims: [u32; 3], spacing: [f64; 3], function: &TransferFunction, coverage_bits: u8) -> Levelled {
-        // Sheets so thick that level 1 has 0.18 voxels for each of level 0: drafts draw levels of them by themselves.
-        let wave = |c: u16| f64::from(c) * 0.2;
+        // Sheets of the long structure are so thick that drafts draw levels of them by themselves.
+        let pace = if dims[2] > 400 { 0.2 } else { 0.37 };
+        let wave = |c: u16| f64::from(c) * pace;
         let sheets = |[x, y, z]: [u16; 3]| {
             let height = wave(x).sin() * wave(y).cos() + wave(y).sin() * wave(z).cos() + wave(z).sin() * wave(x).cos();
             let value = (128.0 + 60.0 * height).clamp(0.0, 255.0) as u16;
