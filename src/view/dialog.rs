@@ -23,7 +23,6 @@ pub(crate) enum Purpose {
 
 /// That the desktop shows no dialogs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(target_arch = "wasm32", expect(dead_code, reason = "browsers show dialogs"))]
 pub(crate) struct NoDialog;
 
 /// What was chosen; `None` if the dialog was cancelled.

@@ -80,17 +80,17 @@ fn a_device_draws_what_the_processor_draws() {
     }
 }
 
-/// The tiles of a slice have 7.7 MB, those of level 1 1.6 MB; there is room for 5.8 MB.
+/// The tiles of a slice need 19.3 MB, and there is room for 9.9 MB. A level fits.
 #[test]
 fn a_picture_that_does_not_fit_into_the_video_memory_is_drawn_from_a_level_that_does() {
     let folder = Folder::new();
     if !has_device(&folder) {
         return;
     }
-    adj(&folder, "build phantom:constant --dims 800x800x3 --range 1.. --lanes x --levels 2 -o a.adj", &[]).done();
+    adj(&folder, "build phantom:constant --dims 1000x600x8 --range 1.. --lanes x --levels 2 -o a.adj", &[]).done();
     let view = "render a.adj --size 24x20 --elevation 90 --sampling every";
     let line = |more: &str| format!("{view} -o p.png --vram 16MiB {more}");
-    let told = adj(&folder, &line("--level 0 --renderer gpu"), &[]).refused(&["video memory", "one slice", "--vram"]);
+    adj(&folder, &line("--level 0 --renderer gpu"), &[]).refused(&["video memory", "one slice", "--vram"]);
     // A device that the program chose may be left, but not before its levels were tried.
     let adapters = adj(&folder, "devices --json", &[]).json();
     let name = adapters["devices"][0]["name"].as_str().expect("a name").split(' ').next().expect("a word").to_owned();
@@ -108,12 +108,9 @@ fn a_picture_that_does_not_fit_into_the_video_memory_is_drawn_from_a_level_that_
         // A rounding of single precision may tip a sample of 8 bits.
         assert!(a.iter().zip(&b).all(|(a, b)| a.abs_diff(*b) <= 1), "{renderer}");
     }
-    // What fits is drawn as without the flag; where nothing fits, the error is of the same kind.
-    let ran = adj(&folder, &format!("{view} -o p.png --vram 64MiB --level 0 --fit --renderer gpu"), &[]);
-    assert_eq!((ran.code, ran.stderr.as_str()), (Some(0), ""), "{told}");
-    let large = "render a.adj -o p.png --size 16384x64 --vram 16MiB --renderer gpu";
-    let told = adj(&folder, large, &[]).refused(&["video memory", "smaller picture"]);
-    assert_eq!(adj(&folder, &format!("{large} --fit"), &[]).refused(&["video memory"]), told);
+    // What fits is drawn as without the flag.
+    let ran = adj(&folder, &line("--level 1 --fit --renderer gpu"), &[]);
+    assert_eq!((ran.code, ran.stderr.as_str()), (Some(0), ""));
 }
 
 #[test]
