@@ -141,13 +141,13 @@ fn finer_pixels_have_the_same_bits_for_any_threads_and_instructions() {
 #[test]
 fn all_samplings_but_every_pixel_show_fine_voxels_alike() {
     let built = build("shells");
-    // At 80 pixels a parallel view is drawn on the base plane.
+    // At 80 pixels a parallel view is drawn on the lattice.
     for (side, fov) in [(80, None), (50, None), (50, Some(40.0)), (20, None), (12, Some(40.0))] {
         let size = [side; 2];
         let camera = camera(&built, fov, size);
         let finer = built.frame(&camera, &settings(size, Sampling::Finer));
         for sampling in [Sampling::Enough, Sampling::Fewest] {
-            // The base plane, where there is one, is as near to it as to much finer pixels.
+            // The lattice, where there is one, is as near to it as to much finer pixels.
             let near = decibels(&built.frame(&camera, &settings(size, sampling)), &finer, EMPTY);
             println!("{side} {fov:?} {sampling:?}: {near:.1} dB");
             // Shells that the volume's faces cut change their light within a voxel, which the fewest samples blur: 31.6 dB.
