@@ -84,27 +84,34 @@ fn quiet_about_lost_devices() {
 }
 
 impl OnDevice<'_> {
-    /// Draws the finest level of detail, from that of `settings` on, that fits into the video memory, and sets it in
-    /// `settings`.
+    /// Draws a frame. With `fit`, where it does not fit into the video memory, this draws the finest level of detail that fits,
+    /// which it sets in `settings`.
     ///
     /// # Errors
-    /// The error of the coarsest level if none fits; any other error of the renderer.
-    pub(super) fn render_fitting(&mut self, camera: &Camera, settings: &mut Settings) -> Result<(Frame, FrameStats)> {
-        let mut level = settings.level.unwrap_or(0);
+    /// Any error of the renderer; with `fit`, that of the coarsest level if none fits.
+    pub(super) fn render(
+        &mut self,
+        camera: &Camera,
+        settings: &mut Settings,
+        fit: bool,
+    ) -> Result<(Frame, FrameStats)> {
+        let coarsest = if fit { self.scene.lanes.levels().len() } else { 0 };
+        let mut tried = settings.clone();
         loop {
-            let of_level = settings.clone().with_level(level);
-            match self.render(camera, &of_level) {
-                Err(Error::Limit { .. }) if level < self.scene.lanes.levels().len() => level += 1,
-                Err(fault) => return Err(fault),
-                Ok(drawn) => {
-                    *settings = of_level;
-                    return Ok(drawn);
+            let level = tried.level.unwrap_or(0);
+            match self.render_as_asked(camera, &tried) {
+                Err(Error::Limit { .. }) if level < coarsest => tried.level = Some(level + 1),
+                drawn => {
+                    if drawn.is_ok() {
+                        *settings = tried;
+                    }
+                    return drawn;
                 }
             }
         }
     }
 
-    pub(super) fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
+    fn render_as_asked(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
         // A maximum is drawn in tiles, whatever the user asks for.
         let is_maximum = settings.mode.is_maximum();
         let compositor = if is_maximum { Compositor::Tiles } else { self.renderer.compositor() };

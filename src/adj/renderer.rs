@@ -189,11 +189,7 @@ impl<'a> Renderer<'a> {
     ) -> Result<(Frame, FrameStats)> {
         #[cfg(feature = "gpu")]
         if let Renderer::Gpu(on_device) = self {
-            let drawn = match on_device.render(camera, settings) {
-                Err(Error::Limit { .. }) if fit => on_device.render_fitting(camera, settings),
-                drawn => drawn,
-            };
-            match drawn {
+            match on_device.render(camera, settings, fit) {
                 Err(fault @ (Error::Device { .. } | Error::Limit { .. })) if on_device.is_auto => {
                     *self = Renderer::instead(&fault, on_device.scene);
                 }

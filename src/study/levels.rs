@@ -184,8 +184,7 @@ fn of_view(
                 pictures[at].seconds = pictures[at].seconds.min(seconds);
                 continue;
             }
-            let parts = level_parts(&model.scene(), &camera, &settings)?;
-            let levels: BTreeSet<usize> = parts.iter().map(|part| part.level).collect();
+            let levels = levels_drawn(model, &camera, &settings)?;
             let axis = model.order(&camera, &settings)?.fast;
             let lane_bytes =
                 levels.iter().map(|level| Ok(model.lane_of(*level, axis)?.bytes())).sum::<Result<u64>>()?;
@@ -211,6 +210,11 @@ fn view(model: &Model, pixels: f64, [azimuth, elevation]: [f64; 2]) -> Result<(S
     let settings = Settings::new([side.max(8); 2]).with_threads(1);
     let camera = camera(model, &settings, JUST_BELOW * pixels, [azimuth, elevation])?;
     Ok((settings, camera))
+}
+
+/// Returns the levels that a picture shows, finest first.
+pub(crate) fn levels_drawn(model: &Model, camera: &Camera, settings: &Settings) -> Result<BTreeSet<usize>> {
+    Ok(level_parts(&model.scene(), camera, settings)?.iter().map(|part| part.level).collect())
 }
 
 /// Returns the camera of a parallel view of the volume's middle with this many pixels a voxel.

@@ -6,12 +6,11 @@
 
 use std::collections::BTreeSet;
 
-use super::levels::camera;
+use super::levels::{camera, levels_drawn};
 use crate::GoOn;
 use adjsplat::Model;
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::level_parts;
-use adjsplat::splat::{Camera, Frame, Quality, Settings};
+use adjsplat::splat::{Frame, Quality, Settings};
 use adjsplat_judge::metrics;
 
 /// Pixels a voxel of level 0 in the first and in the last frame; between them the frames have equal ratios.
@@ -77,7 +76,13 @@ pub fn measure(model: &Model, qualities: &[Quality], threads: usize, go_on: GoOn
                 .map(|before: &Vec<Frame>| changes([&before[frames.len()], &frame], [&before[0], &frames[0]]));
             let [change, judged_change] = changes.unwrap_or_default();
             let psnr = metrics::psnr(&frames[0], &frame)?;
-            zoom.push(ZoomFrame { pixels, levels: levels(model, &camera, &settings)?, psnr, change, judged_change });
+            zoom.push(ZoomFrame {
+                pixels,
+                levels: levels_drawn(model, &camera, &settings)?,
+                psnr,
+                change,
+                judged_change,
+            });
             frames.push(frame);
         }
         before = Some(frames);
@@ -88,16 +93,11 @@ pub fn measure(model: &Model, qualities: &[Quality], threads: usize, go_on: GoOn
     Ok(zooms)
 }
 
-fn levels(model: &Model, camera: &Camera, settings: &Settings) -> Result<BTreeSet<usize>> {
-    Ok(level_parts(&model.scene(), camera, settings)?.iter().map(|part| part.level).collect())
-}
-
 /// Returns the root mean square differences of two pairs of frames, over the pixels that are not empty in at least one of the four.
 fn changes(pair: [&Frame; 2], judged: [&Frame; 2]) -> [f64; 2] {
-    let pixels = |frame: &'_ Frame| frame.pixels().as_chunks::<4>().0.to_vec();
-    let [a, b, c, d] = [pair[0], pair[1], judged[0], judged[1]].map(pixels);
+    let [a, b, c, d] = [pair[0], pair[1], judged[0], judged[1]].map(|frame| frame.pixels().as_chunks::<4>().0);
     let (mut squares, mut count) = ([0.0; 2], 0u32);
-    for (((a, b), c), d) in a.iter().zip(&b).zip(&c).zip(&d) {
+    for (((a, b), c), d) in a.iter().zip(b).zip(c).zip(d) {
         if [a, b, c, d].iter().all(|pixel| **pixel == [0.0; 4]) {
             continue;
         }

@@ -6,7 +6,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use super::harness::{Folder, Ran, program};
+use super::harness::{Folder, Ran, program, written_json};
 
 /// The program where a display server's complaints do not mix with its own.
 fn adj(folder: &Folder, line: &str, environment: &[(&str, &str)]) -> Ran {
@@ -68,8 +68,7 @@ fn a_device_draws_what_the_processor_draws() {
         // A rounding of single precision may tip a sample of 8 bits; early termination is below a hundredth of one.
         let largest = a.iter().zip(&b).map(|(a, b)| a.abs_diff(*b)).max();
         assert!(largest <= Some(1), "{zoom} {compositor}: {largest:?}");
-        let text = std::fs::read_to_string(folder.file("s.json")).expect("it was written");
-        let stats: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        let stats = written_json(&folder.file("s.json"));
         assert_eq!(stats["renderer"], "gpu");
         assert!(stats["adapter"].is_string() && stats["compositor"][0].as_str().expect("text").starts_with(compositor));
         assert_eq!(stats["line_lists"][0], 1);
@@ -99,8 +98,7 @@ fn a_picture_that_does_not_fit_into_the_video_memory_is_drawn_from_a_level_that_
         let note = "adj: note: level 1 is drawn, the finest that fits into the video memory\n";
         assert_eq!(ran.stderr, note, "{renderer}");
         assert!(ran.done().contains("of level 1, "), "{renderer}");
-        let text = std::fs::read_to_string(folder.file("s.json")).expect("it was written");
-        let stats: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        let stats = written_json(&folder.file("s.json"));
         assert_eq!((&stats["renderer"], &stats["levels"]), (&"gpu".into(), &serde_json::json!([1])));
         assert!(stats["vram_bytes"][0].as_u64().expect("a number") <= 16 << 20);
         adj(&folder, &format!("{view} -o q.png --level 1 --renderer cpu"), &[]).done();
@@ -123,8 +121,7 @@ fn few_bits_are_used_only_when_asked_for_and_their_error_is_told() {
     let ran = adj(&folder, "render v.adj -o v.png --size 60x60 --renderer gpu --accumulate 8 --stats s.json", &[]);
     assert!(ran.stderr.contains("accumulating in few bits changed the first picture by up to 0."), "{}", ran.stderr);
     ran.done();
-    let text = std::fs::read_to_string(folder.file("s.json")).expect("it was written");
-    let stats: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let stats = written_json(&folder.file("s.json"));
     let largest = stats["accumulation_error"][0]["largest"].as_f64().expect("a number");
     assert!(largest > 0.001 && largest < 0.5, "{largest}");
     adj(&folder, "render v.adj -o w.png --renderer gpu --accumulate 16 --compositor tiles", &[])

@@ -47,6 +47,12 @@ impl Ran {
     }
 }
 
+/// What a run wrote to a file of JSON.
+pub(crate) fn written_json(path: &Path) -> serde_json::Value {
+    let text = std::fs::read_to_string(path).expect("it was written");
+    serde_json::from_str(&text).expect("JSON")
+}
+
 pub(crate) fn program() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_adj"));
     command.env("RUST_BACKTRACE", "0");

@@ -2,11 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::harness::{Folder, Runs as _};
-
-fn read(folder: &Folder, name: &str) -> String {
-    std::fs::read_to_string(folder.file(name)).expect("it was written")
-}
+use super::harness::{Folder, Runs as _, written_json};
 
 /// A folder with `plain.adj`, and with `a.adj`, which has two levels beside it.
 fn waves() -> Folder {
@@ -19,7 +15,7 @@ fn waves() -> Folder {
 /// Draws a picture; what is printed, and the statistics.
 fn drawn(folder: &Folder, line: &str) -> (String, Value) {
     let told = folder.adj(&format!("render {line} --renderer cpu -o p.png --stats s.json")).done();
-    (told, serde_json::from_str(&read(folder, "s.json")).expect("JSON"))
+    (told, written_json(&folder.file("s.json")))
 }
 
 #[test]
@@ -105,7 +101,7 @@ fn a_picture_that_does_not_fit_into_the_memory_is_drawn_from_a_level_that_does()
     let fitted = std::fs::read(folder.file("p.png")).expect("it was drawn");
     folder.adj("render a.adj -o q.png --size 64x64 --azimuth 90 --level 1 --renderer cpu").done();
     assert!(std::fs::read(folder.file("q.png")).expect("it was drawn") == fitted);
-    let stats: Value = serde_json::from_str(&read(&folder, "s.json")).expect("JSON");
+    let stats = written_json(&folder.file("s.json"));
     if let Some(peak) = stats["peak_rss_bytes"].as_u64() {
         assert!(peak < 64 << 20, "it took {peak} bytes");
     }

@@ -1,5 +1,6 @@
 //! `adj study levels`: measures what levels of detail save and cost, and how much pictures jump where they begin.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -101,12 +102,11 @@ fn row(name: &str, pictures: &LevelPictures, sizes: &[LevelSize]) -> Vec<ReportC
         Choice::Level(level) => sizes.iter().find(|size| size.level == level),
         Choice::Auto(_) => None,
     };
-    let levels: Vec<String> = pictures.levels.iter().map(usize::to_string).collect();
     vec![
         name.into(),
         pictures.pixels.into(),
         pictures.choice.name().as_str().into(),
-        levels.join(" ").as_str().into(),
+        names_of(&pictures.levels).as_str().into(),
         (1e3 * pictures.seconds).into(),
         pictures.times_faster.into(),
         pictures.least_times_faster.into(),
@@ -214,8 +214,8 @@ fn run_zoom(arguments: &Arguments) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
-fn levels_of(frame: &ZoomFrame) -> String {
-    frame.levels.iter().map(usize::to_string).collect::<Vec<_>>().join(" ")
+fn names_of(levels: &BTreeSet<usize>) -> String {
+    levels.iter().map(usize::to_string).collect::<Vec<_>>().join(" ")
 }
 
 fn zoom_row(name: &str, quality: Quality, frame: &ZoomFrame) -> Vec<ReportCell> {
@@ -223,7 +223,7 @@ fn zoom_row(name: &str, quality: Quality, frame: &ZoomFrame) -> Vec<ReportCell> 
         name.into(),
         quality.name().into(),
         frame.pixels.into(),
-        levels_of(frame).as_str().into(),
+        names_of(&frame.levels).as_str().into(),
         frame.psnr.into(),
         frame.change.into(),
         frame.judged_change.into(),
@@ -249,7 +249,7 @@ fn worst_row(
         quality.name().into(),
         what.into(),
         frame.pixels.into(),
-        format!("{} to {}", levels_of(before), levels_of(frame)).as_str().into(),
+        format!("{} to {}", names_of(&before.levels), names_of(&frame.levels)).as_str().into(),
         frame.change.into(),
         frame.judged_change.into(),
         frame.popping().into(),

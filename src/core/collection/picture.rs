@@ -99,7 +99,7 @@ impl Collection {
         Ok(Some(level_parts(&scene, camera, settings)?.first().map_or(0, |part| part.level)))
     }
 
-    /// Returns how many coarser levels of detail the joined bricks need for pictures that are those with all levels.
+    /// Returns how many coarser levels of detail to join, so that pictures are the same as with all levels.
     ///
     /// # Errors
     /// [`Error::Input`] if a camera or the level cannot be used.

@@ -145,9 +145,7 @@ pub(crate) fn write_rows_and_levels(
     observer: &mut dyn Observer,
 ) -> Result<(Facts, u64)> {
     write_file(path, observer, |file, observer| {
-        Limits::check_description(output.description)?;
-        let levels = given_levels_in_files(&scratch_folder(path)?, levels, output, observer)?;
-        write_sections(file, path, levels, rows, output, observer)
+        write_rows_and_levels_to(file, path, &scratch_folder(path)?, rows, levels, output, observer)
     })
 }
 
@@ -188,11 +186,24 @@ pub(crate) fn open_rows_and_levels(
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<AdjFile> {
-    Limits::check_description(output.description)?;
     let file = unnamed(folder)?;
-    let levels = given_levels_in_files(folder, levels, output, observer)?;
-    write_sections(&file, folder, levels, rows, output, observer)?;
+    write_rows_and_levels_to(&file, folder, folder, rows, levels, output, observer)?;
     AdjFile::of(&file, folder, &Limits::default())
+}
+
+/// Writes the voxels of `rows` and of `levels` to `file`; `path` is used in messages. Levels are held in `folder`.
+fn write_rows_and_levels_to(
+    file: &File,
+    path: &Path,
+    folder: &Path,
+    rows: &dyn Rows,
+    levels: &[Box<dyn Rows + '_>],
+    output: &RowsOutput,
+    observer: &mut dyn Observer,
+) -> Result<(Facts, u64)> {
+    Limits::check_description(output.description)?;
+    let levels = given_levels_in_files(folder, levels, output, observer)?;
+    write_sections(file, path, levels, rows, output, observer)
 }
 
 /// Writes the voxels of `rows` to `file`; `path` is used in messages. Levels are made in `folder`.

@@ -130,10 +130,16 @@ fn most_pixels(quality: Quality, level: usize, is_thin: bool) -> f64 {
     }
 }
 
-/// Returns whether a level shows blocks worse than those of solids. Level 1 has `share` voxels for each of level 0.
-fn is_thin(scene: &Scene, share: f64) -> bool {
+/// Returns how many voxels a level has for each of level 0.
+fn share(scene: &Scene, level: usize) -> f64 {
+    facts_of(scene, level).visible_voxels as f64 / scene.facts.visible_voxels as f64
+}
+
+/// Returns whether the matter is thin, as the crowding of level 1 tells (see [`THIN`]).
+fn is_thin(scene: &Scene) -> bool {
     let points: u32 = factors(&scene.facts.grid, &facts_of(scene, 1).grid).iter().product();
-    share * f64::from(points) > if scene.transfer.is_labels() { THIN_LABELS } else { THIN }
+    let crowding = share(scene, 1) * f64::from(points);
+    crowding > if scene.transfer.is_labels() { THIN_LABELS } else { THIN }
 }
 
 /// Returns the facts of a level, which the scene has.
@@ -193,12 +199,11 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
         let grid = &facts_of(scene, level).grid;
         grid.spacing.into_iter().fold(0.0, f64::max) / view.mean_voxel
     };
-    let share = |level| facts_of(scene, level).visible_voxels as f64 / scene.facts.visible_voxels as f64;
-    let is_thin = is_thin(scene, share(1));
+    let is_thin = is_thin(scene);
     // The distance from the eye, in mean voxels of level 0, from which on a level is drawn; 0 or infinity in parallel views.
     let distances: Vec<f64> = (0..=levels)
         .map(|level| {
-            if level > 0 && share(level) > WORTHWHILE {
+            if level > 0 && share(scene, level) > WORTHWHILE {
                 return f64::INFINITY;
             }
             let most = most_pixels(settings.quality, level, is_thin);
@@ -234,7 +239,7 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
     Ok(runs.into_iter().filter_map(part).collect())
 }
 
-/// Returns whether a crop is nearly the same at a level: along each axis it has whole blocks, or many.
+/// Returns whether a level shows a crop well: along each axis the crop has whole blocks, or at least [`CROP_BLOCKS`].
 fn keeps_crop(scene: &Scene, level: usize, crop: Option<VoxelBox>) -> bool {
     let Some(crop) = crop else { return true };
     let factors = factors(&scene.facts.grid, &facts_of(scene, level).grid);

@@ -1,4 +1,4 @@
-//! What lies over the views: windows for a typed path and for saving a picture, and what goes on.
+//! What lies over the views: windows for a typed path and for saving a picture, progress, and the last message.
 
 use adjsplat::splat::Quality;
 use egui::{Area, Button, Context, Frame, Key, Label, ProgressBar, Rect, Window, vec2};

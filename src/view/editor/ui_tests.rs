@@ -59,6 +59,16 @@ fn button(harness: &mut Harness<'_, State>, pos: Pos2, pressed: bool) {
     harness.step();
 }
 
+/// Types a number in place of that of a field.
+fn type_into(harness: &mut Harness<'_, State>, label: &str, text: &str) {
+    harness.get_by_label(label).click();
+    harness.run();
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    harness.event(egui::Event::Text(text.into()));
+    harness.key_press(Key::Enter);
+    harness.run();
+}
+
 #[test]
 fn a_point_follows_the_mouse_and_one_undo_takes_the_drag_back() {
     let mut harness = ramp();
@@ -90,12 +100,7 @@ fn a_typed_number_moves_the_selected_point() {
     button(&mut harness, at, true);
     button(&mut harness, at, false);
     harness.run();
-    harness.get_by_label("Value of the point").click();
-    harness.run();
-    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
-    harness.event(egui::Event::Text("72".into()));
-    harness.key_press(Key::Enter);
-    harness.run();
+    type_into(&mut harness, "Value of the point", "72");
     assert_eq!(list(&harness).curve.points()[1].value, 72.0);
 }
 
@@ -127,13 +132,8 @@ fn a_surface_moves_by_its_number_and_others_are_added_and_removed() {
     let edited = Edited::of(&transfer, &stored);
     assert_eq!(edited.transfer().unwrap(), transfer);
     let mut harness = harness(edited, stored);
-    harness.get_by_label("Value of surface 1").click();
-    harness.run();
-    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
     // Values ascend: it stays below the next one.
-    harness.event(egui::Event::Text("72".into()));
-    harness.key_press(Key::Enter);
-    harness.run();
+    type_into(&mut harness, "Value of surface 1", "72");
     let values = |harness: &Harness<'_, State>| match &harness.state().edits.now {
         Edited::Surfaces(table) => table.rows().iter().map(|row| row.value).collect::<Vec<_>>(),
         other => panic!("no surfaces: {other:?}"),
@@ -247,12 +247,7 @@ fn a_point_of_the_ramp_is_typed_and_the_ramp_is_dropped_and_begun() {
     let (_, mut harness) = steep();
     let at = on_ramp(&harness, 3.0, 0.5);
     drag(&mut harness, at, at);
-    harness.get_by_label("Magnitude of the point").click();
-    harness.run();
-    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
-    harness.event(egui::Event::Text("2.5".into()));
-    harness.key_press(Key::Enter);
-    harness.run();
+    type_into(&mut harness, "Magnitude of the point", "2.5");
     assert_eq!(ramp_of(&harness)[1], [2.5, 0.5]);
     assert!(harness.query_by_label("Value of the point").is_none(), "one point is selected");
     for points in [0, 2] {
