@@ -309,7 +309,7 @@ impl RenderJob<'_> {
         if level > 0 && self.arguments.look.max_error.is_some() {
             return Err(Error::input(
                 "--level",
-                "is not for --max-error, which draws the voxels themselves; leave one of them out",
+                "is not for --max-error, which chooses the level; leave one of them out",
             ));
         }
         Ok(Some(level as usize))
@@ -383,6 +383,8 @@ fn draw(
     let mut measured = None;
     if let Some(bound) = arguments.look.max_error {
         let go_on = || !interrupted();
+        // Memory was divided for the lanes of the voxels.
+        settings.level = if memory.is_some() { Some(0) } else { settings.level };
         let rounding = if is_volume { dial::rounding(&scene, cameras, &settings, go_on)? } else { 0.0 };
         // A bound below 0 stays one, which the dial refuses.
         let left = if rounding > bound && bound >= 0.0 { 0.0 } else { bound - rounding };

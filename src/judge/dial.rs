@@ -9,7 +9,8 @@
 //! cameras -> windows -> reference, then rung after rung: largest difference * CAUTION <= bound? -> settings
 //! ```
 //!
-//! Coarser levels of detail are not among the candidates: their largest errors are at few pixels, which windows may miss.
+//! Where a draft would draw a coarser level of detail everywhere, this level and the finer ones are tried first, the coarsest
+//! before the others. All errors are beside the voxels themselves.
 //!
 //! "Fastest" means first in a fixed list, [`RUNGS`]. Its order is that of times over nine sets. The dial takes no times,
 //! so that the same input always gives the same picture; for some scenes a later candidate may be faster.
@@ -19,6 +20,7 @@
 //! bits of gradient magnitudes cost, which have no wider codes.
 
 use adjsplat::error::{Error, Result};
+use adjsplat::internals::level_parts;
 use adjsplat::splat::{Camera, Frame, KernelShape, Projection, Quality, Sampling, Scene, Settings, View, cpu};
 
 /// One of the candidates that the dial chooses from: the settings that make a picture faster or more exact.
@@ -62,7 +64,7 @@ const PLACES: [[f64; 2]; 5] = [[0.5, 0.5], [0.22, 0.3], [0.75, 0.22], [0.8, 0.74
 /// The settings that the dial chose, and their error.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
-    /// The caller's settings with the kernel, termination and sampling of the chosen rung, for the voxels themselves.
+    /// The caller's settings with the kernel, termination and sampling of the chosen rung, and the level of detail.
     pub settings: Settings,
     /// The index of the chosen rung in [`RUNGS`].
     pub rung: usize,
@@ -83,9 +85,12 @@ impl Rung {
     }
 }
 
+/// The rung that coarser levels of detail are tried with: that of standard quality.
+const RUNG_OF_LEVELS: usize = 2;
+
 /// Chooses the fastest of [`RUNGS`] whose error is within `bound`. The error is measured in windows of the pictures of
-/// some of the `cameras`, then multiplied by [`CAUTION`]. The voxels themselves are drawn, not
-/// levels of detail.
+/// some of the `cameras`, then multiplied by [`CAUTION`]. Coarser levels of detail come first; if `settings.level` is
+/// given, the voxels themselves are drawn.
 ///
 /// Takes about as long as two pictures with [`Quality::Reference`], however many cameras there are: several times as
 /// long as a picture with the settings that are chosen. If `go_on` returns false, the search stops.
@@ -112,8 +117,10 @@ pub fn choose(
     let windows = windows(scene, cameras, &reference)?;
     let draw = |settings: &Settings, window: &Window| window.draw(scene, settings, &go_on);
     let right = windows.iter().map(|window| draw(&reference, window)).collect::<Result<Vec<_>>>()?;
-    for rung in 0..last {
-        let settings = settings_of(rung);
+    let levels = coarsest_level(scene, cameras, settings)?;
+    let of_levels = (1..=levels).rev().map(|level| (RUNG_OF_LEVELS, level));
+    for (rung, level) in of_levels.chain((0..last).map(|rung| (rung, 0))) {
+        let settings = settings_of(rung).with_level(level);
         let mut measured = 0.0;
         for (window, right) in windows.iter().zip(&right) {
             measured = largest_difference(right, &draw(&settings, window)?).max(measured);
@@ -126,6 +133,20 @@ pub fn choose(
         }
     }
     Ok(Choice { settings: reference, rung: last, measured: 0.0 })
+}
+
+/// Returns the coarsest level of detail that a draft would draw everywhere in the pictures of all `cameras`.
+fn coarsest_level(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<usize> {
+    if settings.level.is_some() {
+        return Ok(0);
+    }
+    let draft = settings.clone().with_quality(Quality::Draft);
+    let mut coarsest = scene.lanes.levels().len();
+    for camera in cameras {
+        let parts = level_parts(scene, camera, &draft)?;
+        coarsest = parts.iter().map(|part| part.level).min().unwrap_or(0).min(coarsest);
+    }
+    Ok(coarsest)
 }
 
 /// Returns the largest change of the pictures if every gradient magnitude is half a code higher or lower: what rounding

@@ -79,12 +79,16 @@ fn levels_that_are_not_there_are_refused_with_those_that_are() {
 }
 
 #[test]
-fn the_dial_draws_the_voxels_themselves() {
+fn the_dial_draws_a_level_where_the_bound_allows() {
     let folder = waves();
-    let (_, chosen) = drawn(&folder, "a.adj --size 12x12 --max-error 0.9");
-    let (_, plain) = drawn(&folder, "plain.adj --size 12x12 --max-error 0.9");
-    assert_eq!(chosen["levels"], json!([0]));
-    assert_eq!(chosen["image_sha256"], plain["image_sha256"]);
+    let (told, chosen) = drawn(&folder, "a.adj --size 12x12 --max-error 0.9");
+    assert_eq!(chosen["levels"], json!([2]), "{told}");
+    let ran = folder.adj("render a.adj --size 12x12 --max-error 0.9 --renderer cpu -o p.png");
+    assert!(ran.stderr.contains(" --level 2"), "{}", ran.stderr);
+    // A tight bound, and a picture that is drawn in bounded memory, are for the voxels.
+    for line in ["--max-error 0.001", "--max-error 0.9 --level 0", "--max-error 0.9 --memory 256MiB"] {
+        assert_eq!(drawn(&folder, &format!("a.adj --size 12x12 {line}")).1["levels"], json!([0]), "{line}");
+    }
 }
 
 #[test]

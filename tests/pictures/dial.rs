@@ -46,19 +46,31 @@ fn a_bound_is_kept_by_whole_pictures() {
 
 #[test]
 fn a_bound_is_kept_in_a_file_with_levels_of_detail() {
-    let size = [40, 36];
-    let volume = phantom("shells", [96; 3], SampleType::U8, [1.0; 3]);
-    let model = Build::new(red_to_blue("shells", [0.5; 2])).with_levels(2).run(volume).unwrap();
-    let settings = Settings::new(size);
-    let view = model.camera(&Orbit { azimuth: 20.0, elevation: 30.0, ..Orbit::default() }, &settings).unwrap();
-    let exact = settings.clone().with_quality(Quality::Reference).with_level(0);
-    let right = model.render(&view, &exact).unwrap();
-    for bound in [1.0, 0.4, 0.1, 0.01, 0.0] {
-        let chosen = dial::choose(&model.scene(), &[view], &settings, bound, || true).unwrap().settings;
-        assert_eq!(chosen.level, Some(0), "levels are not measured");
-        let worst = apart(&right, &model.render(&view, &chosen).unwrap());
-        assert!(worst <= bound, "{worst} for a bound of {bound}");
+    let volume = phantom("marschner-lobb", [96; 3], SampleType::U8, [1.0; 3]);
+    let model = Build::new(red_to_blue("marschner-lobb", [0.5; 2])).with_levels(3).run(volume).unwrap();
+    // From afar, so that windows are whole pictures, and near enough that they are not.
+    let mut drawn = HashMap::new();
+    for (side, zoom, fov) in [(16, 0.8, None), (60, 0.9, None), (110, 0.4, Some(30.0))] {
+        let settings = Settings::new([side; 2]);
+        for (azimuth, elevation) in [(0.0, 0.0), (200.0, -50.0)] {
+            let view = model.camera(&Orbit { azimuth, elevation, zoom, fov, ..Orbit::default() }, &settings).unwrap();
+            let exact = settings.clone().with_quality(Quality::Reference).with_level(0);
+            let right = model.render(&view, &exact).unwrap();
+            for bound in [1.0, 0.4, 0.1, 0.0] {
+                let chosen = dial::choose(&model.scene(), &[view], &settings, bound, || true).unwrap();
+                let worst = apart(&right, &model.render(&view, &chosen.settings).unwrap());
+                let level = chosen.settings.level.expect("the dial chooses one");
+                println!("{side} {azimuth}: bound {bound}, level {level}, {:.4}, {worst:.4}", chosen.measured);
+                assert!(worst <= bound, "{worst} of level {level} for a bound of {bound}");
+                assert!(level == 0 || bound >= 0.1, "level {level} for a bound of {bound}");
+                *drawn.entry(level).or_insert(0) += 1;
+            }
+            let of_voxels = settings.clone().with_level(0);
+            let chosen = dial::choose(&model.scene(), &[view], &of_voxels, 1.0, || true).unwrap();
+            assert_eq!(chosen.settings.level, Some(0), "it was asked for");
+        }
     }
+    assert!(drawn.len() >= 3, "{drawn:?}");
 }
 
 #[test]

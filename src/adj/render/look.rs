@@ -21,9 +21,10 @@ pub(super) struct LookArguments {
     #[arg(long, value_name = "PIXELS", value_parser = choice(SAMPLINGS))]
     sampling: Option<Sampling>,
     /// Choose settings whose largest error (of a linear sample from 0 to 1) is at most E, by measuring small windows of
-    /// the pictures: the first of nine settings in an order from fast to slow. Choosing takes about as long as two
-    /// pictures of --quality reference, often more than it saves on a single picture. The error of an .adj file is
-    /// beside --quality reference of that file's voxels, which are drawn, not levels of detail. A volume is stored with 16 bits, and the error is beside the volume
+    /// the pictures: levels of detail that a draft would draw, then the first of nine settings in an order from fast to
+    /// slow. Choosing takes about as long as two pictures of --quality reference, often more than it saves on a single
+    /// picture. The error of an .adj file is beside --quality reference of that file's voxels. Within --memory the voxels
+    /// are drawn. A volume is stored with 16 bits, and the error is beside the volume
     #[arg(long, value_name = "E", allow_hyphen_values = true, conflicts_with_all = ["quality", "sampling", "kernel", "termination", "blending"])]
     pub(super) max_error: Option<f64>,
     /// How narrow splats are, 0 (the default) to 1: their standard deviation falls from 0.7 to 0.55 voxels. Thin
@@ -150,7 +151,8 @@ const DARK: [f32; 3] = [0.007, 0.009, 0.012];
 pub(super) fn chosen(settings: &Settings, measured: f64) -> String {
     let KernelShape { sigma, radius } = settings.kernel();
     let (termination, sampling) = (settings.termination(), settings.sampling().name());
+    let level = settings.level.filter(|level| *level > 0).map_or(String::new(), |level| format!(" --level {level}"));
     format!(
-        "--kernel {sigma},{radius} --termination {termination} --sampling {sampling}: largest error measured {measured:.2e}"
+        "--kernel {sigma},{radius} --termination {termination} --sampling {sampling}{level}: largest error measured {measured:.2e}"
     )
 }
