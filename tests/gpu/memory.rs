@@ -168,9 +168,9 @@ fn pictures_of_other_sizes_one_after_the_other_stay_within() {
 fn a_lane_is_uploaded_once_as_it_is() {
     let Some(opened) = device() else { return };
     for bits in [8, 16] {
-        let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LIT_LAYERS), bits);
+        let built = phantom("gyroid", [24, 28, 20], [1.0; 3], transfer(LIT_LAYERS), bits);
         let mut renderer = renderer(opened, &built, PLENTY);
-        let size = [64, 64];
+        let size = [40, 40];
         let settings = Settings::every_pixel(size);
         for (azimuth, elevation, axis) in [(10.0, 5.0, Axis::Z), (10.0, 5.0, Axis::Z)] {
             let camera = built.orbit(azimuth, elevation, None, size);
@@ -194,8 +194,8 @@ fn a_lane_is_uploaded_once_as_it_is() {
 #[test]
 fn lanes_stay_on_the_device_while_the_transfer_function_changes() {
     let Some(opened) = device() else { return };
-    let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LIT_LAYERS), 8);
-    let size = [64, 64];
+    let built = phantom("gyroid", [24, 28, 20], [1.0; 3], transfer(LIT_LAYERS), 8);
+    let size = [40, 40];
     let (camera, settings) = (built.orbit(10.0, 5.0, None, size), Settings::every_pixel(size));
     let mut resident = renderer(opened, &built, PLENTY).into_resident();
     for (index, opacity) in ["0.6", "0.2", "0.6"].into_iter().enumerate() {
@@ -214,9 +214,9 @@ fn lanes_stay_on_the_device_while_the_transfer_function_changes() {
 #[test]
 fn a_line_list_lasts_as_long_as_its_order() {
     let Some(opened) = device() else { return };
-    let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LIT_LAYERS), 8);
+    let built = phantom("gyroid", [24, 28, 20], [1.0; 3], transfer(LIT_LAYERS), 8);
     let mut renderer = renderer(opened, &built, PLENTY);
-    let size = [64, 64];
+    let size = [40, 40];
     let settings = Settings::every_pixel(size);
     let mut lists = |settings: &Settings, azimuth| {
         let (_, stats) = renderer.render(&built.orbit(azimuth, 10.0, None, size), settings).unwrap();
@@ -235,8 +235,8 @@ fn a_line_list_lasts_as_long_as_its_order() {
 #[test]
 fn too_little_video_memory_is_a_clear_error() {
     let Some(opened) = device() else { return };
-    let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LIT_LAYERS), 8);
-    let size = [64, 64];
+    let built = phantom("gyroid", [24, 28, 20], [1.0; 3], transfer(LIT_LAYERS), 8);
+    let size = [40, 40];
     for vram in [0, 1, 1 << 20, 4 << 20] {
         match renderer(opened, &built, vram).render(&built.orbit(0.0, 0.0, None, size), &Settings::every_pixel(size)) {
             Err(Error::Limit { what, need, have }) => {

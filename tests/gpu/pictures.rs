@@ -177,19 +177,19 @@ fn another_transfer_function() {
 #[test]
 fn overlays_with_edits_and_with_fewer_voxels_shown() {
     for text in [LIT_LAYERS, EDGES] {
-        let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(text), 8);
+        let built = phantom("gyroid", [28, 32, 24], [1.0; 3], transfer(text), 8);
         let bytes = arena_bytes(&built.facts, &built.lanes, "{}");
         let lanes = LaneSet::new(Arena::new(&bytes).unwrap(), None);
         let mut overlay = Overlay::new(&lanes);
-        let size = [96, 96];
+        let size = [72, 72];
         let views = [
             (built.orbit(31.0, 24.0, None, size), high(size)),
             (built.orbit(131.0, 64.0, Some(60.0), size), high(size)),
         ];
         let record = lanes_record(&built);
         for k in 0..400u32 {
-            overlay.insert([k % 20 + 5, k * 7 % 44, k * 3 % 36], record).unwrap();
-            overlay.remove([k * 5 % 40, k * 11 % 44, k % 36]).unwrap();
+            overlay.insert([k % 20 + 5, k * 7 % 32, k * 3 % 24], record).unwrap();
+            overlay.remove([k * 5 % 28, k * 11 % 32, k % 24]).unwrap();
         }
         let edited = |overlay: &Overlay| {
             let facts = overlay.facts().unwrap();
@@ -272,7 +272,7 @@ fn real_sets() {
     }
     for (path, transfer) in real_volumes().into_iter().step_by(at_full(1, 3)) {
         let built = built(&mut *volume(&path), &fitting(transfer, 8));
-        let size = [112, 112];
+        let size = at_full([112, 112], [72, 72]);
         let views = [(20.0, 15.0, None), (-100.0, 60.0, Some(45.0))]
             .map(|(azimuth, elevation, fov)| (built.orbit(azimuth, elevation, fov, size), high(size)));
         check(&path.file_name().unwrap_or_default().to_string_lossy(), built.scene(), &views);
