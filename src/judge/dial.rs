@@ -9,8 +9,8 @@
 //! cameras -> windows -> reference, then rung after rung: largest difference * CAUTION <= bound? -> settings
 //! ```
 //!
-//! Where a draft would draw a coarser level of detail everywhere, this level and the finer ones are tried first, the coarsest
-//! before the others. All errors are beside the voxels themselves.
+//! If a draft would draw level of detail L, or a coarser one, everywhere, levels L to 1 are tried before the settings, the
+//! coarsest first. Every error is the difference from a picture of the voxels themselves.
 //!
 //! "Fastest" means first in a fixed list, [`RUNGS`]. Its order is that of times over nine sets. The dial takes no times,
 //! so that the same input always gives the same picture; for some scenes a later candidate may be faster.

@@ -272,7 +272,7 @@ fn real_sets() {
     }
     for (path, transfer) in real_volumes().into_iter().step_by(at_full(1, 3)) {
         let built = built(&mut *volume(&path), &fitting(transfer, 8));
-        let size = at_full([112, 112], [72, 72]);
+        let size = [112, 112];
         let views = [(20.0, 15.0, None), (-100.0, 60.0, Some(45.0))]
             .map(|(azimuth, elevation, fov)| (built.orbit(azimuth, elevation, fov, size), high(size)));
         check(&path.file_name().unwrap_or_default().to_string_lossy(), built.scene(), &views);
