@@ -18,9 +18,9 @@ use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
 
+use super::files::open_regular;
 use super::{metaimage, nifti, slc, vti};
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::open_regular;
 
 /// The formats of single files (not of folders).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

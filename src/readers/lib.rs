@@ -29,6 +29,7 @@ mod adjusted;
 #[cfg(feature = "dicom")]
 mod dicom;
 mod file_list;
+mod files;
 mod folder;
 mod format;
 mod frame;
@@ -54,6 +55,7 @@ mod vtk;
 mod zarr;
 
 pub use adjusted::AdjustedSource;
+pub use files::MemoryFiles;
 pub use open::{OpenOptions, open, open_with};
 pub use raw::{RawOptions, parse_dims, parse_type};
 pub use slab::Endian;

@@ -5,12 +5,11 @@
 //! all, so a file without line ends cannot fill the memory. Bytes that are not UTF-8, which occur in comments, are
 //! replaced.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use super::files::{File, open_regular};
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::open_regular;
 
 /// The largest size of a header's text, in bytes: a list of 65,535 file names fits.
 pub(super) const TEXT_LIMIT: u64 = 4 << 20;

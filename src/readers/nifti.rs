@@ -7,20 +7,19 @@
 //!
 //! Source: nifti1.h and nifti2.h of the NIfTI Data Format Working Group (nifti.nimh.nih.gov).
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use flate2::read::MultiGzDecoder;
 
 use super::adjusted::AdjustedSource;
+use super::files::{is_file, open_regular};
 use super::frame::{FileFrame, World, cross, dot};
 use super::open::{OpenOptions, file_name};
 use super::raw::type_names;
 use super::slab::{Endian, SampleFiles, SlabReader, Tail};
 use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::open_regular;
 use adjsplat::volume::{Header, SampleType, SlabSource};
 
 const RULE_DIM: &str = "NIfTI dim";
@@ -368,7 +367,7 @@ fn read_header(path: &Path) -> Result<(Vec<u8>, bool)> {
 }
 
 fn starts_as_gzip(path: &Path) -> Result<bool> {
-    let (file, _): (File, u64) = open_regular(path, "open data file")?;
+    let (file, _) = open_regular(path, "open data file")?;
     let mut magic = Vec::new();
     file.take(2).read_to_end(&mut magic).map_err(Error::io("read", path))?;
     Ok(magic == [0x1f, 0x8b])
@@ -410,7 +409,7 @@ fn sibling(path: &Path, name: &str, bare_len: usize, other: &str) -> Result<Path
     let upper = other.to_ascii_uppercase();
     let names = [format!("{stem}.{other}"), format!("{stem}.{other}.gz"), format!("{stem}.{upper}")];
     let candidates = names.map(|n| path.with_file_name(n));
-    candidates.iter().find(|candidate| candidate.is_file()).cloned().ok_or_else(|| {
+    candidates.iter().find(|candidate| is_file(candidate)).cloned().ok_or_else(|| {
         let why = format!("is half of a pair, but there is no {}", candidates[0].display());
         Error::input(path.display().to_string(), why)
     })

@@ -4,11 +4,11 @@
 
 use std::path::Path;
 
+use super::files::open_regular;
 use super::format::{Format, probe};
 use super::raw::RawOptions;
 use super::{folder, metaimage, nifti, nrrd, raw, slc, vti, vtk};
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::open_regular;
 use adjsplat::limits::Limits;
 use adjsplat::volume::{Grid, Header, SampleType, SlabSource};
 

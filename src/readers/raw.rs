@@ -7,13 +7,13 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use super::files::{length, open_regular};
 use super::frame::FileFrame;
 use super::open::{OpenOptions, file_name, plain_header};
 use super::slab::{Endian, SampleFiles, SlabReader, Tail};
 use super::slices::raw_hint;
 use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::open_regular;
 use adjsplat::volume::{Header, MAX_DIM, SampleType, SlabSource};
 
 const RULE: &str = "raw size";
@@ -142,7 +142,7 @@ pub(super) fn open_slices(
     let [x, y, z] = raw.dims;
     let grid = FileFrame::upright([1.0; 3]).grid(path, "raw dims", raw.dims, options.spacing)?;
     let bytes = raw.skip.saturating_add(grid.slice_len() * raw.sample_type.bytes() as u64);
-    let fits = |file: &Path| std::fs::metadata(file).is_ok_and(|found| found.is_file() && found.len() == bytes);
+    let fits = |file: &Path| length(file, "look for").is_ok_and(|len| len == Some(bytes));
     let slices: Vec<PathBuf> = files.iter().filter(|file| fits(file)).cloned().collect();
     let (count, all) = (slices.len() as u64, files.len());
     if count != z {

@@ -9,10 +9,10 @@
 //! read:  fill the slice from the current file; at its share's end check that it ends, go to the next
 //! ```
 
-use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use super::files::{length, open_regular};
 use super::slc::most_samples;
 use super::stream::{BZIP2_RATIO, Codec, DEFLATE_RATIO, SampleStart, SampleStream};
 use adjsplat::error::{Error, Result};
@@ -146,7 +146,7 @@ impl SlabReader {
         let at = match plan.start {
             SampleStart::At(at) => at,
             SampleStart::FromEnd { after, least } => {
-                let len = std::fs::metadata(path).map_err(Error::io("open data file", path))?.len();
+                let len = length(path, "open data file")?.unwrap_or(0);
                 let used = (self.file_samples * width).saturating_add(after);
                 let at = len.checked_sub(used).filter(|at| *at >= least);
                 at.ok_or_else(|| short(plan, path, used.saturating_add(least), len))?
@@ -270,7 +270,7 @@ pub(super) fn check_volume(index: u64, count: u64) -> Result<()> {
 
 /// Returns whether a word in capitals, such as `VECTORS`, is what follows byte `at` and white space.
 fn keyword_follows(path: &Path, at: u64) -> Result<bool> {
-    let mut file = File::open(path).map_err(Error::io("open data file", path))?;
+    let (mut file, _) = open_regular(path, "open data file")?;
     let mut start = Vec::new();
     let read = file.seek(SeekFrom::Start(at)).and_then(|_| file.take(64).read_to_end(&mut start));
     read.map_err(Error::io("read data file", path))?;
@@ -281,11 +281,9 @@ fn keyword_follows(path: &Path, at: u64) -> Result<bool> {
 /// Checks that the file at `path` exists and is long enough for `samples` samples of `width` bytes. Returns how many
 /// bytes follow them; 0 where that is unknown, as in compressed files.
 fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Result<u64> {
-    let kind = std::fs::metadata(path).map_err(Error::io("open data file", path))?;
-    if !kind.is_file() {
+    let Some(len) = length(path, "open data file")? else {
         return Err(Error::input(path.display().to_string(), "is not a regular file, but the header says it is data"));
-    }
-    let len = kind.len();
+    };
     let bytes = samples * width;
     let before = match plan.start {
         SampleStart::At(at) => at.saturating_add(plan.line_skip),

@@ -7,19 +7,18 @@
 //! The first two bytes of compressed samples tell gzip (RFC 1952) from zlib (RFC 1950). Both are accepted wherever a
 //! format says "compressed", because writers of every format here mix them up.
 
-use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use bzip2::bufread::MultiBzDecoder;
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 
+use super::files::{File, open_regular};
 use super::slc::SliceRuns;
 use super::tokens;
 use super::tokens::TextReader;
 use super::vti_array::{ArrayCoding, ArrayReader};
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::open_regular;
 use adjsplat::volume::Samples;
 use adjsplat::with_samples;
 

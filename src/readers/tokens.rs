@@ -3,10 +3,10 @@
 //! In: the text of a file. Out: numbers of one sample type. A number has at most [`TOKEN_LIMIT`] characters, so the
 //! memory is bounded. A value that the sample type cannot hold is refused, never wrapped or clamped.
 
-use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
+use super::files::File;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::Sample;
 

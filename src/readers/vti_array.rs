@@ -13,12 +13,12 @@
 //!
 //! Source: "VTK XML Formats" (docs.vtk.org) and, for the block header, the notes in vtkXMLDataParser.
 
-use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek};
 use std::path::Path;
 
 use flate2::bufread::ZlibDecoder;
 
+use super::files::File;
 use super::slab::Endian;
 use super::stream::DEFLATE_RATIO;
 use adjsplat::error::{Error, Result};
@@ -92,7 +92,7 @@ impl ArrayReader {
         coding: ArrayCoding,
         rule: &'static str,
     ) -> Result<ArrayReader> {
-        let file_len = reader.get_ref().metadata().map_err(Error::io("read", path))?.len();
+        let file_len = reader.get_ref().length().map_err(Error::io("read", path))?;
         let mut source =
             if coding.base64 { ArraySource::Base64(Base64::new(reader)) } else { ArraySource::Plain(reader) };
         let ArrayCoding { bytes, compressor, .. } = coding;

@@ -3,16 +3,15 @@
 //! In: a file. Out: its opening and closing tags with their attributes and byte offsets. Text between tags can be
 //! skipped without reading it into memory, however long it is. Everything else is limited to [`TEXT_LIMIT`] bytes.
 
-use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
+use super::files::{File, open_regular};
 use super::lines::{TEXT_LIMIT, one_line};
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::open_regular;
 
 const RULE: &str = "XML";
 

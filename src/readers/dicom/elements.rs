@@ -17,17 +17,16 @@
 //! Source: DICOM PS3.5, sections 7 (data sets, sequences) and A.4 (encapsulated pixels); PS3.10, section 7 (files).
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use super::tags;
 use super::tags::Tag;
 use crate::file_list::MAX_FILES;
+use crate::files::{File, open_regular};
 use crate::format::is_dicom;
 use crate::slab::Endian;
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::open_regular;
 
 /// The deepest supported nesting of sequences and items; enhanced objects use four levels.
 const DEEPEST: usize = 64;

@@ -4,13 +4,13 @@
 //! bits. Uncompressed pixels go straight from the file into the slice. For compressed pixels, only the fragments of
 //! this frame are read.
 
-use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::PathBuf;
 
 use super::codec;
 use super::elements::Pixels;
 use super::image::{ImageFile, PixelLayout};
+use crate::files::{File, open_regular};
 use crate::slab::Endian;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::Samples;
@@ -69,7 +69,7 @@ impl PixelReader {
     fn read_at(&mut self, file: &ImageFile, at: u64, into: &mut [u8]) -> Result<()> {
         let path = &file.path;
         if self.open.as_ref().is_none_or(|(open, _)| open != path) {
-            let opened = File::open(path).map_err(Error::io("open", path))?;
+            let (opened, _) = open_regular(path, "open")?;
             self.open = Some((path.clone(), opened));
         }
         let Some((_, reader)) = &mut self.open else { return Ok(()) };

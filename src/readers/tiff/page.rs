@@ -16,13 +16,13 @@ use ::tiff::tags::{ByteOrder, Tag};
 use super::jpeg;
 use super::palette::{PageFile, Palette};
 use super::zstd::RowCoding;
+use crate::files::open_regular;
 use crate::jpeg::BYTES_PER_PIXEL;
 use crate::lines::one_line;
 use crate::raw::type_names;
 use crate::slab::Endian;
 use crate::stream::DEFLATE_RATIO;
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::open_regular;
 use adjsplat::volume::{SampleType, Samples};
 
 /// The largest size of a tile in bytes: the `tiff` crate's own limit.

@@ -8,11 +8,11 @@
 //!
 //! Source: TIFF 6.0, section 5.
 
-use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::sync::Arc;
 
+use crate::files::File;
 use crate::slab::Endian;
 use adjsplat::volume::{Samples, StatedLabel};
 
