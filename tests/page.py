@@ -7,6 +7,7 @@ src/view/page/build made. Needs Chromium, playwright, numpy and pillow; WebGPU i
 
 import base64
 import contextlib
+import gzip
 import http.client
 import http.server
 import json
@@ -451,7 +452,8 @@ def check_plain_server(browser, files, folder):
         "cut.adj": whole[: len(whole) // 2],
         "trickling.adj": whole,
         "not.adj": b"<!doctype html><title>Not a volume</title>",
-        "head.nrrd": b"NRRD0004\ntype: uint8\n",
+        "cut.nrrd": b"NRRD0004\ntype: uint8\n",
+        "ball.nrrd": ball_nrrd(),
     }.items():
         open(os.path.join(data, name), "wb").write(content)
     server, base = serving(Plain, root)
@@ -469,7 +471,8 @@ def check_plain_server(browser, files, folder):
         for name, words in {
             "cut.adj": "cut.adj",
             "not.adj": "not.adj",
-            "head.nrrd": "head.nrrd: is no .adj file, and a page builds none; make one by adj build head.nrrd",
+            "cut.nrrd": "cut.nrrd: ",
+            "some.bin": "404",
             "absent.adj": "404",
             "http://other.example/a.adj": "cannot be fetched",
         }.items():
@@ -481,6 +484,7 @@ def check_plain_server(browser, files, folder):
             # A browser reports what it could not fetch.
             viewer.faults.clear()
             viewer.close()
+        check_volume_at(browser, base + "?file=../../data/ball.nrrd", os.path.join(data, "ball.nrrd"), folder)
     finally:
         server.shutdown()
     print("a server without ranges passed")
@@ -610,6 +614,85 @@ def check_memory(browser, files, folder):
     assert fetched[1] > 50e6 and memory[1] - memory[0] < 20e6, (fetched, memory)
 
 
+def ball(side=40):
+    """A ball, darker towards its surface."""
+    axes = np.ogrid[[slice(-1, 1, 1j * side)] * 3]
+    return np.maximum(0, 1000 * (1 - sum(axis**2 for axis in axes))).astype("<u2")
+
+
+def ball_nrrd():
+    z, y, x = ball().shape
+    head = f"NRRD0004\ntype: uint16\ndimension: 3\nsizes: {x} {y} {z}\nendian: little\nencoding: gzip\n\n"
+    return head.encode() + gzip.compress(ball().tobytes())
+
+
+def check_built(viewer, volume, folder):
+    """The page shows a volume as the program does that builds it: a file, or the slices of one."""
+    built = os.path.join(folder, "built.adj")
+    adj("build", *([volume] if isinstance(volume, str) else volume), "-o", built, "--quiet")
+    near = decibels(viewer.picture(), of_program(built, viewer, folder))
+    print(f"{viewer.state()['file']}, built in the page: {near:.1f} dB")
+    assert near > NEAR
+
+
+def check_volume_at(browser, address, volume, folder):
+    viewer = Viewer(browser, address)
+    check_built(viewer, volume, folder)
+    assert viewer.state()["fetched"] is None
+    viewer.close()
+
+
+def check_volumes(browser, folder):
+    """Volumes are built in the page: from a server, dropped, with samples in a file beside the header, from slices."""
+    root = shutil.copytree(PAGE, os.path.join(folder, "volumes"))
+    z, y, x = ball().shape
+    header = f"ObjectType = Image\nNDims = 3\nDimSize = {x} {y} {z}\nElementType = MET_USHORT\nElementDataFile = ball.raw\n"
+    content = {"ball.nrrd": ball_nrrd(), "ball.raw": ball().tobytes(), "ball.mhd": header.encode()}
+    content |= {"cut.nrrd": ball_nrrd()[:400], "what.ever": b"no volume"}
+    paths = {name: os.path.join(root, name) for name in content}
+    for name, written in content.items():
+        open(paths[name], "wb").write(written)
+    slices = [f"slice{number}.tif" for number in range(1, z + 1)]
+    for name, plane in zip(slices, ball()):
+        paths[name] = os.path.join(root, name)
+        Image.fromarray(plane).save(paths[name])
+    server, base = serving(Ranges, root)
+    try:
+        check_volume_at(browser, base + "?file=ball.nrrd", paths["ball.nrrd"], folder)
+        viewer = Viewer(browser, base)
+        wait("the viewer", lambda: "message" in viewer.state())
+        drop = """async (names) => {
+            const files = new DataTransfer();
+            for (const name of names) files.items.add(new File([await (await fetch(name)).blob()], name));
+            document.querySelector("canvas").dispatchEvent(new DragEvent("drop", { dataTransfer: files, bubbles: true }));
+        }"""
+        for names, title, volume in [
+            (["ball.nrrd"], "ball.nrrd", paths["ball.nrrd"]),
+            (["ball.raw", "ball.mhd"], "ball.mhd", paths["ball.mhd"]),
+            (slices, f"slice1.tif and {z - 1} more", [paths[name] for name in slices]),
+        ]:
+            viewer.page.evaluate(drop, names)
+            wait(title, lambda title=title: viewer.state()["file"] == title)
+            check_built(viewer, volume, folder)
+            viewer.page.keyboard.press("Alt+w")
+            wait("no file", lambda: viewer.state()["file"] is None)
+        for name, words in {
+            "cut.nrrd": "cut.nrrd: ",
+            "what.ever": "what.ever: is in no format known here",
+            "ball.raw": "ball.raw: is in no format known here",
+            "ball.mhd": "ball.mhd: ball.raw is missing; open it together with this file",
+        }.items():
+            viewer.page.evaluate(drop, [name])
+            wait(f"a line about {name}", lambda name=name: (viewer.state().get("message") or "").startswith(name))
+            said = viewer.told()
+            print(said)
+            assert said.startswith(words) and "memory:" not in said and "\n" not in said and "OpenOptions" not in said, said
+        viewer.close()
+    finally:
+        server.shutdown()
+    print("volumes passed")
+
+
 def check_dropped(browser, files, folder):
     """A file that is dropped is read like one on a server."""
     served = Serving(*files)
@@ -631,12 +714,6 @@ def check_dropped(browser, files, folder):
         fetched, whole = viewer.state()["fetched"]
         print(f"dropped: {fetched} of {whole} bytes read; {near:.1f} dB")
         assert near > NEAR and fetched < 0.5 * whole
-        for volume in ("engine.nii.gz", "head.nrrd", "brain.mha"):
-            viewer.page.evaluate(drop, ["index.html", volume, 500])
-            about = lambda name=volume: name in (viewer.state().get("message") or "")  # noqa: E731
-            wait(f"a line about {volume}", about)
-            said = viewer.told()
-            assert said.startswith(f"{volume}: is no .adj file") and f"adj build {volume}" in said, said
         viewer.page.keyboard.press("Alt+w")
         wait("no file", lambda: viewer.state()["file"] is None)
         # Larger than a device's largest picture.
@@ -671,6 +748,7 @@ def main():
         check_slow_server(browser, folder)
         check_levels(browser, folder)
         check_dropped(browser, files, folder)
+        check_volumes(browser, folder)
         check_memory(browser, files, folder)
         browser.close()
         browser = launch(["--disable-gpu", "--disable-features=WebGPU", "--disable-blink-features=WebGPU"])

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use adjsplat::arena::Levels;
-use adjsplat::build::{BuildOptions, Histogram, SampleSummary, Suggestion};
+use adjsplat::build::{BuildOptions, SampleSummary, Suggestion};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::SlabSource;
 use adjsplat::{Build, TransferFunction};
@@ -85,7 +85,7 @@ pub(crate) fn build(
             Visible::OwnPalette => own_palette(&**volume)?,
             Visible::Suggested => match &source.own_transfer {
                 Some(transfer) => transfer.clone(),
-                None => suggested(&mut **volume, &mut watch)?,
+                None => Suggestion::for_volume(&mut **volume, &mut watch)?.transfer()?,
             },
         };
         let mut build = Build::new(packing.options(transfer));
@@ -115,13 +115,6 @@ fn own_palette(source: &dyn SlabSource) -> Result<TransferFunction> {
     match Suggestion::stated(source)? {
         Some(suggestion @ Suggestion::StatedLabels(_)) => suggestion.transfer(),
         _ => Err(Error::input("labels", "are to be the file's, but it names none; try \"distinct\"")),
-    }
-}
-
-fn suggested(source: &mut dyn SlabSource, watch: &mut Watch) -> Result<TransferFunction> {
-    match Suggestion::stated(source)? {
-        Some(suggestion) => suggestion.transfer(),
-        None => Suggestion::of(&Histogram::of(source, watch)?)?.transfer(),
     }
 }
 

@@ -14,8 +14,25 @@ use adjsplat::internals;
 /// All files in memory.
 static IN_MEMORY: Mutex<BTreeMap<PathBuf, Bytes>> = Mutex::new(BTreeMap::new());
 
+/// What the paths of files in memory begin with.
+const IN_MEMORY_PREFIX: &str = "memory:";
+
 fn in_memory() -> MutexGuard<'static, BTreeMap<PathBuf, Bytes>> {
     IN_MEMORY.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Returns the bytes of the file in memory at `path`; `None` for a path on a disk.
+///
+/// # Errors
+/// [`Error::Io`] that names `action` if no file in memory has this path.
+fn bytes(path: &Path, action: &'static str) -> Result<Option<Bytes>> {
+    if let Some(bytes) = in_memory().get(path) {
+        return Ok(Some(bytes.clone()));
+    }
+    match path.to_str().is_some_and(|path| path.starts_with(IN_MEMORY_PREFIX)) && !path.exists() {
+        true => Err(Error::io(action, path)(io::ErrorKind::NotFound.into())),
+        false => Ok(None),
+    }
 }
 
 /// Files in memory, side by side, which [`open`](crate::open()) reads like files in a folder. They are there until this is
@@ -40,7 +57,7 @@ impl MemoryFiles {
     /// Puts files, each with its name, into memory. Of files with the same name the last stays.
     pub fn new(files: impl IntoIterator<Item = (String, Vec<u8>)>) -> MemoryFiles {
         static FOLDERS: AtomicU64 = AtomicU64::new(0);
-        let folder = PathBuf::from(format!("memory:{}", FOLDERS.fetch_add(1, Ordering::Relaxed)));
+        let folder = PathBuf::from(format!("{IN_MEMORY_PREFIX}{}", FOLDERS.fetch_add(1, Ordering::Relaxed)));
         let files = files.into_iter().map(|(name, bytes)| (folder.join(name), Bytes(Arc::new(bytes))));
         in_memory().extend(files);
         MemoryFiles { folder }
@@ -108,7 +125,7 @@ impl Seek for File {
 /// # Errors
 /// [`Error::Io`] that names `action` if the file cannot be opened; [`Error::Input`] if it is a folder, pipe or device.
 pub(super) fn open_regular(path: &Path, action: &'static str) -> Result<(File, u64)> {
-    if let Some(bytes) = in_memory().get(path).cloned() {
+    if let Some(bytes) = bytes(path, action)? {
         let len = bytes.0.len() as u64;
         return Ok((File::InMemory(Cursor::new(bytes)), len));
     }
@@ -122,7 +139,7 @@ pub(super) fn open_regular(path: &Path, action: &'static str) -> Result<(File, u
 /// # Errors
 /// [`Error::Io`] that names `action` if there is nothing at `path`.
 pub(super) fn length(path: &Path, action: &'static str) -> Result<Option<u64>> {
-    if let Some(bytes) = in_memory().get(path) {
+    if let Some(bytes) = bytes(path, action)? {
         return Ok(Some(bytes.0.len() as u64));
     }
     let found = std::fs::metadata(path).map_err(Error::io(action, path))?;

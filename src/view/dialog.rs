@@ -4,7 +4,7 @@ use std::sync::mpsc::{Receiver, channel};
 
 use egui::Context;
 #[cfg(target_arch = "wasm32")]
-use {send_wrapper::SendWrapper, std::sync::Arc};
+use std::sync::Arc;
 
 use crate::open::Place;
 
@@ -25,8 +25,8 @@ pub(crate) enum Purpose {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct NoDialog;
 
-/// What was chosen; `None` if the dialog was cancelled.
-type Choice = Result<Option<Place>, NoDialog>;
+/// What was chosen: several places only to open them, none if the dialog was cancelled.
+type Choice = Result<Vec<Place>, NoDialog>;
 
 /// A dialog that is open.
 pub(crate) struct Dialog {
@@ -53,7 +53,7 @@ impl Dialog {
         match self.result.try_recv() {
             Ok(choice) => Some((self.purpose, choice)),
             Err(std::sync::mpsc::TryRecvError::Empty) => None,
-            Err(std::sync::mpsc::TryRecvError::Disconnected) => Some((self.purpose, Ok(None))),
+            Err(std::sync::mpsc::TryRecvError::Disconnected) => Some((self.purpose, Ok(Vec::new()))),
         }
     }
 }
@@ -61,21 +61,26 @@ impl Dialog {
 #[cfg(not(target_arch = "wasm32"))]
 async fn choose(purpose: Purpose) -> Choice {
     let dialog = rfd::FileDialog::new();
-    let path = failures::noted(|| match purpose {
-        Purpose::OpenFile => dialog.set_title("Open a file or a volume").pick_file(),
+    let paths = failures::noted(|| match purpose {
+        Purpose::OpenFile => dialog.set_title("Open files or volumes").pick_files(),
         Purpose::SavePicture => dialog
             .set_title("Save the picture")
             .set_file_name("picture.png")
             .add_filter("Pictures", &["png", "apng", "exr"])
-            .save_file(),
-        Purpose::LoadTransfer => {
-            dialog.set_title("Load a transfer function").add_filter("Functions", &["json", "ctbl"]).pick_file()
-        }
-        Purpose::SaveTransfer => {
-            dialog.set_title("Save the transfer function").set_file_name("transfer.json").save_file()
-        }
+            .save_file()
+            .map(|path| vec![path]),
+        Purpose::LoadTransfer => dialog
+            .set_title("Load a transfer function")
+            .add_filter("Functions", &["json", "ctbl"])
+            .pick_file()
+            .map(|path| vec![path]),
+        Purpose::SaveTransfer => dialog
+            .set_title("Save the transfer function")
+            .set_file_name("transfer.json")
+            .save_file()
+            .map(|path| vec![path]),
     })?;
-    Ok(path.map(Place::Path))
+    Ok(Place::together(paths.unwrap_or_default()))
 }
 
 /// Whether rfd could show a dialog. It returns the same for a dialog that was cancelled; only its log tells.
@@ -143,15 +148,16 @@ mod failures {
 #[cfg(target_arch = "wasm32")]
 async fn choose(purpose: Purpose) -> Choice {
     Ok(match purpose {
-        Purpose::OpenFile => {
-            let file = crate::page::choose(".adj").await;
-            file.map(|file| Place::Chosen(Arc::new(SendWrapper::new(file))))
+        Purpose::OpenFile => Place::together(crate::page::choose("", true).await),
+        Purpose::LoadTransfer => {
+            let mut places = Vec::new();
+            for file in crate::page::choose(".json", false).await {
+                let bytes = crate::page::read(&file).await;
+                places.extend(bytes.map(|bytes| Place::Bytes(file.name(), Arc::new(bytes))));
+            }
+            places
         }
-        Purpose::LoadTransfer => match crate::page::choose(".json").await {
-            Some(file) => crate::page::read(&file).await.map(|bytes| Place::Bytes(file.name(), Arc::new(bytes))),
-            None => None,
-        },
-        Purpose::SavePicture => Some(Place::Path("picture.png".into())),
-        Purpose::SaveTransfer => Some(Place::Path("transfer.json".into())),
+        Purpose::SavePicture => vec![Place::Path("picture.png".into())],
+        Purpose::SaveTransfer => vec![Place::Path("transfer.json".into())],
     })
 }

@@ -1,7 +1,7 @@
 //! Files in a page: of those on a server only the parts that a picture needs, by HTTP range requests; of those that were
-//! chosen or dropped likewise.
+//! chosen or dropped likewise. Volumes are read whole, and become such files.
 //!
-//! In: an address or a file. Out: a file whose directory, with those of its levels of detail, alone is in memory, and which reads more
+//! In: an address or files. Out: a file whose directory, with those of its levels of detail, alone is in memory, and which reads more
 //! when it is asked to. A file that the
 //! device could not hold, or that stores fewer than three lanes, has its first lane in memory, from which the other lanes are
 //! derived; of a server that does not know ranges, all of the file is.
@@ -18,13 +18,14 @@ use adjsplat::splat::Lanes as _;
 use adjsplat::splat::gpu::GpuOptions;
 use adjsplat::volume::Axis;
 use egui::Context;
-use js_sys::{Function, Reflect, Uint8Array};
+use js_sys::{Array, Function, Reflect, Uint8Array};
 use send_wrapper::SendWrapper;
 use wasm_bindgen::{JsCast as _, JsValue};
 use wasm_bindgen_futures::JsFuture;
 use web_sys::{AbortController, ReadableStreamDefaultReader, Request, RequestInit, Response};
 
-use crate::open::{Opened, Phase, Place, Progress, model_of};
+use crate::builder;
+use crate::open::{Chosen, Opened, Phase, Place, Progress, model_of};
 use crate::remote::{PARTS, Reading, Remote, Source};
 
 /// How long a server may send nothing, in milliseconds.
@@ -41,33 +42,59 @@ pub(crate) async fn open_address(
     let name = if name.is_empty() { "the address".into() } else { name };
     progress.set(Phase::Fetching, 0, 1)?;
     let asked = Asked::begin(&name, address, 0..Directory::HEAD)?;
-    let arrived = |done, total| {
+    let arrived = &|done, total| {
         context.request_repaint();
         progress.set(Phase::Fetching, done, total)
     };
-    let Answer { bytes: head, part, version } = asked.answer(&name, arrived).await?;
-    let Some(Content { whole, .. }) = part else {
-        check_is_adj(&name, &head)?;
+    let mut got = asked.answer(&name, arrived).await?;
+    let whole = got.part.as_ref().map(|part| part.whole);
+    if !is_adj(&name, &got.start()) {
+        if let Some(whole) = whole {
+            let all = Asked::begin(&name, address, 0..whole)?.answer(&name, arrived).await?;
+            all.check(&name, &(0..whole), whole, &got.version)?;
+            got = all;
+        }
+        return build(place, vec![got.file(&name)?], 1, progress, context).await;
+    }
+    let head = got.bytes()?;
+    let Some(whole) = whole else {
         let whole = head.len() as u64;
         return Opened::new(place, model_of(&name, head)?, true, Some([whole; 2]));
     };
-    let server = Server { address: address.to_owned(), name: name.clone(), whole, version };
-    open(place, File { name: &name, head, whole }, server, progress, context).await
+    let server = Server { address: address.to_owned(), name: name.clone(), whole, version: got.version };
+    open(place, File { name: &name, head, whole, is_adj: true }, server, progress, context).await
 }
 
-/// Opens a file that was chosen or dropped.
-pub(crate) async fn open_file(
+/// Opens files that were chosen or dropped.
+pub(crate) async fn open_chosen(
     place: &Place,
-    file: web_sys::File,
+    chosen: &Chosen,
+    progress: &Progress,
+    context: &Context,
+) -> Result<Opened> {
+    if chosen.count == 1 {
+        let file = OnDisk::new(place, chosen.files[0].clone());
+        let head = file.head().await?;
+        if is_adj(&file.name, &head) {
+            let (name, whole) = (file.name.clone(), file.whole());
+            return open(place, File { name: &name, head, whole, is_adj: true }, file, progress, context).await;
+        }
+    }
+    build(place, chosen.files.clone(), chosen.count, progress, context).await
+}
+
+/// Builds the volume in the first `count` of the files, and opens what was built.
+async fn build(
+    place: &Place,
+    files: Vec<web_sys::File>,
+    count: usize,
     progress: &Progress,
     context: &Context,
 ) -> Result<Opened> {
     let name = place.name();
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the length of a file")]
-    let whole = file.size() as u64;
-    let chosen = Chosen { file: SendWrapper::new(file), name: name.clone() };
-    let head = chosen.read(std::slice::from_ref(&(0..Directory::HEAD.min(whole)))).await?.remove(0);
-    open(place, File { name: &name, head, whole }, chosen, progress, context).await
+    let built = OnDisk::new(place, builder::build(&name, files, count, progress, context).await?);
+    let (head, whole) = (built.head().await?, built.whole());
+    open(place, File { name: &name, head, whole, is_adj: false }, built, progress, context).await
 }
 
 /// A file of which the first bytes have been read.
@@ -77,6 +104,8 @@ struct File<'a> {
     head: Vec<u8>,
     /// The length in bytes.
     whole: u64,
+    /// Whether the user opened it, and not a volume.
+    is_adj: bool,
 }
 
 async fn open(
@@ -86,8 +115,9 @@ async fn open(
     progress: &Progress,
     context: &Context,
 ) -> Result<Opened> {
-    let (File { name, head, whole }, limits) = (file, Limits::default());
-    check_is_adj(name, &head)?;
+    let (File { name, head, whole, is_adj }, limits) = (file, Limits::default());
+    // Of a volume nothing was fetched for this.
+    let so_far = |fetched| is_adj.then_some([fetched, whole]);
     let mut directory = Directory::new(&head, whole, &limits, name)?;
     let places = directory.level_heads();
     let heads = source.read(&places).await?;
@@ -102,26 +132,19 @@ async fn open(
     let is_held = |axis: Axis| model.lane(axis).is_ok_and(|lane| options.holds(&lane));
     if Axis::ALL.into_iter().all(|axis| directory.has_lane(axis) && is_held(axis)) {
         let remote = Remote::new(name, directory, source, fetched, context);
-        return Ok(Opened {
-            remote: Some(Arc::new(remote)),
-            ..Opened::new(place, model, true, Some([fetched, whole]))?
-        });
+        return Ok(Opened { remote: Some(Arc::new(remote)), ..Opened::new(place, model, is_adj, so_far(fetched))? });
     }
     let head = known.last().map_or(&[][..], |(_, head)| head);
     let mut lane = Directory::first_lane(head, whole, &limits, name)?;
     fetched += complete(&mut lane, &known, &source, progress, context).await?;
     lane.check(name)?;
-    Opened::new(place, model_of(name, lane.into_bytes())?, true, Some([fetched, whole]))
+    Opened::new(place, model_of(name, lane.into_bytes())?, is_adj, so_far(fetched))
 }
 
-/// Refuses a volume, which only a program builds; `head` is the beginning of the file.
-fn check_is_adj(name: &str, head: &[u8]) -> Result<()> {
+/// Returns whether a file that begins with `head` is an `.adj` file, not a volume.
+fn is_adj(name: &str, head: &[u8]) -> bool {
     let is_named = std::path::Path::new(name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("adj"));
-    if is_named || head.starts_with(&MAGIC) {
-        return Ok(());
-    }
-    let why = format!("is no .adj file, and a page builds none; make one by adj build {name}, or open it by adj view");
-    Err(Error::input(name, why))
+    is_named || head.starts_with(&MAGIC)
 }
 
 /// Fetches what a directory lacks beside the bytes that are `known`, each with their place in the file; returns the number of bytes.
@@ -183,7 +206,11 @@ impl Source for Server {
             let mut parts = Vec::with_capacity(asked.len());
             for (range, asked) in asked {
                 parts.push(match asked {
-                    Some(asked) => self.part(range, asked.answer(&self.name, |_, _| Ok(())).await?)?,
+                    Some(asked) => {
+                        let got = asked.answer(&self.name, |_, _| Ok(())).await?;
+                        got.check(&self.name, &range, self.whole, &self.version)?;
+                        got.bytes()?
+                    }
                     None => Vec::new(),
                 });
             }
@@ -192,24 +219,29 @@ impl Source for Server {
     }
 }
 
-impl Server {
-    /// Returns the bytes of an answer, if they are those of the range and of the same file.
-    fn part(&self, wanted: Range<u64>, got: Answer) -> Result<Vec<u8>> {
-        let is_same = got.part.is_some_and(|part| part.first == wanted.start && part.whole == self.whole);
-        if !is_same || got.version != self.version || got.bytes.len() as u64 != wanted.end - wanted.start {
-            return Err(Error::input(&self.name, "was cut or changed while it was fetched; load the page again"));
-        }
-        Ok(got.bytes)
-    }
-}
-
-/// A file that was chosen or dropped.
-struct Chosen {
+/// A file that was chosen or dropped, or was built: the browser holds it.
+struct OnDisk {
     file: SendWrapper<web_sys::File>,
     name: String,
 }
 
-impl Source for Chosen {
+impl OnDisk {
+    fn new(place: &Place, file: web_sys::File) -> OnDisk {
+        OnDisk { file: SendWrapper::new(file), name: place.name() }
+    }
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the length of a file")]
+    fn whole(&self) -> u64 {
+        self.file.size() as u64
+    }
+
+    async fn head(&self) -> Result<Vec<u8>> {
+        let head = 0..Directory::HEAD.min(self.whole());
+        Ok(self.read(std::slice::from_ref(&head)).await?.remove(0))
+    }
+}
+
+impl Source for OnDisk {
     fn read<'a>(&'a self, ranges: &'a [Range<u64>]) -> Reading<'a> {
         Box::pin(async move {
             let failed = |_: JsValue| Error::input(&self.name, "cannot be read, or changed since it was chosen");
@@ -231,11 +263,48 @@ impl Source for Chosen {
 
 /// What a server answered.
 struct Answer {
-    bytes: Vec<u8>,
+    /// The bytes, in pieces that the program's memory does not hold.
+    pieces: Vec<Uint8Array>,
+    len: u64,
     /// What part of the file that is; `None` for the whole, from a server that does not know ranges.
     part: Option<Content>,
     /// What the server calls this version of the file; empty if it does not.
     version: String,
+}
+
+impl Answer {
+    /// Returns an error if these are not the bytes `wanted` of a file of `whole` bytes in this version.
+    fn check(&self, name: &str, wanted: &Range<u64>, whole: u64, version: &str) -> Result<()> {
+        let is_same = self.part.as_ref().is_some_and(|part| part.first == wanted.start && part.whole == whole);
+        if is_same && self.version == version && self.len == wanted.end - wanted.start {
+            return Ok(());
+        }
+        Err(Error::input(name, "was cut or changed while it was fetched; load the page again"))
+    }
+
+    /// Returns the first bytes, which tell what the file is.
+    fn start(&self) -> Vec<u8> {
+        self.pieces.first().map(|piece| piece.subarray(0, 16).to_vec()).unwrap_or_default()
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>> {
+        let refused = |_| Error::out_of_memory("a file from a server", self.len);
+        let mut bytes = Vec::new();
+        bytes.try_reserve_exact(usize::try_from(self.len).unwrap_or(usize::MAX)).map_err(refused)?;
+        for piece in &self.pieces {
+            let have = bytes.len();
+            bytes.resize(have + piece.length() as usize, 0);
+            piece.copy_to(&mut bytes[have..]);
+        }
+        Ok(bytes)
+    }
+
+    /// Returns a file of the browser with the bytes.
+    fn file(&self, name: &str) -> Result<web_sys::File> {
+        let pieces: Array = self.pieces.iter().collect();
+        web_sys::File::new_with_u8_array_sequence(&pieces, name)
+            .map_err(|_| Error::input(name, "was refused by the browser, perhaps for lack of memory"))
+    }
 }
 
 /// A part of a file: its first byte, and the length of the whole file.
@@ -297,25 +366,21 @@ impl Asked {
         };
         let version = header("etag").or_else(|| header("last-modified")).unwrap_or_default();
         let announced = header("content-length").and_then(|bytes| bytes.parse().ok()).unwrap_or(0);
-        let mut bytes: Vec<u8> = Vec::new();
-        let pieces = response.body().map(|body| body.get_reader().unchecked_into::<ReadableStreamDefaultReader>());
-        while let Some(pieces) = &pieces {
-            let piece = patient(&self.stop, &mut pieces.read().into()).await.map_err(failed(name))?;
+        let (mut pieces, mut len) = (Vec::new(), 0);
+        let stream = response.body().map(|body| body.get_reader().unchecked_into::<ReadableStreamDefaultReader>());
+        while let Some(stream) = &stream {
+            let piece = patient(&self.stop, &mut stream.read().into()).await.map_err(failed(name))?;
             // There is none at the end.
             let piece = Reflect::get(&piece, &"value".into()).map_err(failed(name))?;
-            let Some(piece) = piece.dyn_ref::<Uint8Array>() else { break };
-            let have = bytes.len() + piece.length() as usize;
-            if part.is_some() && have as u64 > self.wanted.end - self.wanted.start {
+            let Ok(piece) = piece.dyn_into::<Uint8Array>() else { break };
+            len += u64::from(piece.length());
+            if part.is_some() && len > self.wanted.end - self.wanted.start {
                 return Err(Error::input(name, "cannot be fetched: the server sends more than it was asked for"));
             }
-            let refused = |_| Error::out_of_memory("a file from a server", have as u64);
-            bytes.try_reserve(piece.length() as usize).map_err(refused)?;
-            bytes.resize(have, 0);
-            let start = have - piece.length() as usize;
-            piece.copy_to(&mut bytes[start..]);
-            arrived(have as u64, announced.max(have as u64))?;
+            pieces.push(piece);
+            arrived(len, announced.max(len))?;
         }
-        Ok(Answer { bytes, part, version })
+        Ok(Answer { pieces, len, part, version })
     }
 }
 

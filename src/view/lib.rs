@@ -9,6 +9,8 @@
 
 pub mod app;
 pub mod background;
+#[cfg(target_arch = "wasm32")]
+mod builder;
 #[cfg(not(target_arch = "wasm32"))]
 mod desktop;
 mod dialog;

@@ -1,14 +1,13 @@
 //! Files of this machine: `.adj` files are mapped, volumes are built with what they or their values suggest to show.
 
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use adjsplat::build::{Histogram, Observer, Phase as BuildPhase, Suggestion};
+use adjsplat::build::{Observer, Phase as BuildPhase, Suggestion};
 use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
-use adjsplat::volume::SlabSource;
 use adjsplat::{Build, Model};
-use adjsplat_readers::OpenOptions;
+use adjsplat_readers::{OpenOptions, open_slices};
 use egui::Context;
 
 use crate::open::{Phase, Progress};
@@ -16,7 +15,7 @@ use crate::open::{Phase, Progress};
 /// Returns the model of a file, and whether that is an `.adj` file.
 pub(crate) fn open(path: &Path, progress: &Progress, context: &Context) -> Result<(Model, bool)> {
     let is_adj = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("adj")) || Collection::is_at(path);
-    let model = if is_adj { open_adj(path)? } else { build(path, &mut Watch { progress, context })? };
+    let model = if is_adj { open_adj(path)? } else { build(&[path.to_path_buf()], progress, context)? };
     Ok((model, is_adj))
 }
 
@@ -32,13 +31,12 @@ fn open_adj(path: &Path) -> Result<Model> {
     }
 }
 
-fn build(path: &Path, watch: &mut Watch<'_>) -> Result<Model> {
-    let mut source: Box<dyn SlabSource> = adjsplat_readers::open(path, &OpenOptions::new())?;
+/// Builds the volume in a file, or in slices.
+pub(crate) fn build(files: &[PathBuf], progress: &Progress, context: &Context) -> Result<Model> {
+    let watch = &mut Watch { progress, context };
+    let mut source = open_slices(files, &OpenOptions::new())?;
     watch.progress.set(Phase::Looking, 0, 1)?;
-    let suggestion = match Suggestion::stated(&*source)? {
-        Some(stated) => stated,
-        None => Suggestion::of(&Histogram::of(&mut *source, watch)?)?,
-    };
+    let suggestion = Suggestion::for_volume(&mut *source, watch)?;
     Build::new(suggestion.transfer()?).run_observed(source, watch)
 }
 

@@ -2,7 +2,7 @@
 //!
 //! In: a place. Out: progress, and in the end a model; a volume's is in memory. Opening can be cancelled.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, channel};
@@ -10,7 +10,9 @@ use std::sync::mpsc::{Receiver, channel};
 use adjsplat::Model;
 use adjsplat::error::{Error, Result};
 use adjsplat::traverse::VoxelBox;
-use egui::{Context, DroppedFileHandle};
+use egui::Context;
+#[cfg(target_arch = "wasm32")]
+use send_wrapper::SendWrapper;
 use serde::Deserialize;
 
 use crate::background;
@@ -26,29 +28,59 @@ pub enum Place {
     Address(String),
     /// In memory, under this name.
     Bytes(String, Arc<Vec<u8>>),
-    /// A file that was chosen in a browser.
+    /// On this machine: the slices of one volume.
+    Slices(Vec<PathBuf>),
+    /// Chosen in a browser, or dropped onto a page.
     #[cfg(target_arch = "wasm32")]
-    Chosen(Arc<send_wrapper::SendWrapper<web_sys::File>>),
-    /// Dropped onto a page.
-    Dropped(DroppedFileHandle),
+    Chosen(Arc<SendWrapper<Chosen>>),
+}
+
+/// Files of a browser.
+#[cfg(target_arch = "wasm32")]
+#[derive(Debug)]
+pub struct Chosen {
+    /// The file that is opened, or all slices of a volume; behind them the files beside it, which its header may name.
+    pub(crate) files: Vec<web_sys::File>,
+    /// The number of files that are opened.
+    pub(crate) count: usize,
 }
 
 impl Place {
+    /// Returns what is to be opened of files of this machine that were dropped or chosen together.
+    #[cfg(not(target_arch = "wasm32"))]
+    pub(crate) fn together(paths: Vec<PathBuf>) -> Vec<Place> {
+        let place = |mut paths: Vec<PathBuf>| match paths.len() {
+            1 => Place::Path(paths.remove(0)),
+            _ => Place::Slices(paths),
+        };
+        groups(paths, PathBuf::clone).into_iter().map(place).collect()
+    }
+
+    /// Returns what is to be opened of files that were dropped or chosen together in a browser. All lie beside one another.
+    #[cfg(target_arch = "wasm32")]
+    pub(crate) fn together(files: Vec<web_sys::File>) -> Vec<Place> {
+        let place = |opened: Vec<web_sys::File>| {
+            let others = files.iter().filter(|file| !opened.contains(file));
+            let all = opened.iter().chain(others).cloned().collect();
+            Place::Chosen(Arc::new(SendWrapper::new(Chosen { files: all, count: opened.len() })))
+        };
+        groups(files.clone(), |file| file.name().into()).into_iter().map(place).collect()
+    }
+
     /// Returns the name of the file, without folders.
     pub fn name(&self) -> String {
-        let last = |path: &std::path::Path| {
-            path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
-        };
         match self {
-            Place::Path(path) => last(path),
+            Place::Path(path) => file_name(path),
             Place::Address(address) => {
                 let path = address.split(['?', '#']).next().unwrap_or_default();
                 shortened(&decoded(path.rsplit('/').next().unwrap_or_default()))
             }
             Place::Bytes(name, _) => name.clone(),
+            Place::Slices(paths) => {
+                several(paths.first().map_or_else(String::new, |path| file_name(path)), paths.len())
+            }
             #[cfg(target_arch = "wasm32")]
-            Place::Chosen(file) => file.name(),
-            Place::Dropped(file) => last(file.path()),
+            Place::Chosen(chosen) => several(chosen.files[0].name(), chosen.count),
         }
     }
 
@@ -57,6 +89,34 @@ impl Place {
         if let Place::Path(path) = self { Some(path) } else { None }
     }
 }
+
+/// Returns the name of some files, of which the `first` is known.
+fn several(first: String, count: usize) -> String {
+    if count > 1 { format!("{first} and {} more", count - 1) } else { first }
+}
+
+/// Returns the last part of a path.
+fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
+}
+
+/// Returns what is to be opened of files that were dropped or chosen together, in groups by their names: one of all, if they are
+/// slices of a volume; else one of each, without samples that belong to a header beside them.
+pub(crate) fn groups<T>(files: Vec<T>, name: impl Fn(&T) -> PathBuf) -> Vec<Vec<T>> {
+    let ending = |file: &T| name(file).extension().unwrap_or_default().to_ascii_lowercase();
+    let has = |file: &T, endings: &[&str]| endings.iter().any(|known| ending(file) == *known);
+    let first = files.first().map(ending);
+    if files.len() > 1 && files.iter().all(|file| has(file, &SLICES) && Some(ending(file)) == first) {
+        return vec![files];
+    }
+    let has_header = files.iter().any(|file| !has(file, &SAMPLES));
+    files.into_iter().filter(|file| !(has_header && has(file, &SAMPLES))).map(|file| vec![file]).collect()
+}
+
+/// The endings of files that are slices. Many DICOM files have none.
+const SLICES: [&str; 6] = ["", "dcm", "dicom", "ima", "tif", "tiff"];
+/// The endings of files that hold samples alone, which a header beside them describes.
+const SAMPLES: [&str; 4] = ["raw", "zraw", "img", "bin"];
 
 /// Returns a part of an address with its bytes in place of their codes, such as `%20`; unchanged if they are no
 /// text of one line.
@@ -160,11 +220,8 @@ impl Progress {
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Phase {
     Opening,
-    #[cfg_attr(target_arch = "wasm32", expect(dead_code, reason = "volumes are built on a desktop"))]
     Looking,
-    #[cfg_attr(target_arch = "wasm32", expect(dead_code, reason = "volumes are built on a desktop"))]
     Reading,
-    #[cfg_attr(target_arch = "wasm32", expect(dead_code, reason = "volumes are built on a desktop"))]
     Building,
     #[cfg_attr(not(target_arch = "wasm32"), expect(dead_code, reason = "pages fetch"))]
     Fetching,
@@ -222,15 +279,12 @@ async fn open(place: &Place, progress: &Progress, context: &Context) -> Result<O
         #[cfg(not(target_arch = "wasm32"))]
         Place::Address(address) => return Err(Error::input(address, "is opened by the page, not by the desktop")),
         Place::Bytes(name, bytes) => (model_of(name, bytes.to_vec())?, true),
-        #[cfg(target_arch = "wasm32")]
-        Place::Chosen(file) => return crate::fetch::open_file(place, (***file).clone(), progress, context).await,
-        #[cfg(target_arch = "wasm32")]
-        Place::Dropped(dropped) => {
-            let file = dropped.web_file().ok_or_else(|| Error::input(place.name(), "cannot be read"))?.clone();
-            return crate::fetch::open_file(place, file, progress, context).await;
-        }
         #[cfg(not(target_arch = "wasm32"))]
-        Place::Dropped(file) => crate::local::open(file.path(), progress, context)?,
+        Place::Slices(paths) => (crate::local::build(paths, progress, context)?, false),
+        #[cfg(target_arch = "wasm32")]
+        Place::Slices(_) => return Err(Error::input(place.name(), "are on no server")),
+        #[cfg(target_arch = "wasm32")]
+        Place::Chosen(chosen) => return crate::fetch::open_chosen(place, chosen, progress, context).await,
     };
     progress.set(Phase::Counting, 0, 1)?;
     Opened::new(place, model, is_adj, None)
@@ -248,6 +302,20 @@ pub(crate) fn model_of(name: &str, bytes: Vec<u8>) -> Result<Model> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn files_that_are_dropped_together_are_slices_or_each_a_volume_without_its_samples() {
+        let grouped =
+            |names: &[&str]| groups(names.to_vec(), |name| name.into()).iter().map(Vec::len).collect::<Vec<_>>();
+        for slices in [&["1.dcm", "2.DCM", "3.dcm"][..], &["IM0001", "IM0002"], &["a.tif", "b.tif"]] {
+            assert_eq!(grouped(slices), [slices.len()], "{slices:?}");
+        }
+        assert_eq!(grouped(&["a.adj", "b.adj", "c.nii.gz"]), [1, 1, 1]);
+        assert_eq!(grouped(&["1.dcm", "a.tif"]), [1, 1]);
+        assert_eq!(groups(vec!["brain.raw", "brain.mhd"], |name| name.into()), [["brain.mhd"]]);
+        assert_eq!(grouped(&["brain.raw"]), [1]);
+        assert_eq!(grouped(&[]), [0; 0]);
+    }
 
     #[test]
     fn a_file_at_an_address_is_called_by_its_name_without_codes_folders_and_query() {

@@ -122,11 +122,16 @@ fn document() -> web_sys::Document {
     web_sys::window().and_then(|window| window.document()).expect("a page has a document")
 }
 
-/// Lets the user choose a file with this ending; `None` if the choice was cancelled.
-pub(crate) async fn choose(ending: &str) -> Option<File> {
+/// Lets the user choose a file with this ending (of any kind without one), or several; none if the choice was cancelled.
+pub(crate) async fn choose(ending: &str, several: bool) -> Vec<File> {
+    chosen(ending, several).await.unwrap_or_default()
+}
+
+async fn chosen(ending: &str, several: bool) -> Option<Vec<File>> {
     let input: HtmlInputElement = document().create_element("input").ok()?.dyn_into().ok()?;
     input.set_type("file");
     input.set_accept(ending);
+    input.set_multiple(several);
     let (sender, chosen) = oneshot::channel();
     let sender = std::cell::RefCell::new(Some(sender));
     let done = Closure::<dyn Fn()>::new(move || {
@@ -139,7 +144,8 @@ pub(crate) async fn choose(ending: &str) -> Option<File> {
     input.add_event_listener_with_callback("cancel", done.as_ref().unchecked_ref()).ok()?;
     input.click();
     chosen.await.ok()?;
-    input.files()?.get(0)
+    let files = input.files()?;
+    Some((0..files.length()).filter_map(|index| files.get(index)).collect())
 }
 
 /// Returns the bytes of a file that was chosen; `None` if it cannot be read.

@@ -6,6 +6,7 @@
 mod damage;
 mod dicom;
 mod malformed;
+mod memory;
 mod nifti;
 mod real;
 mod sample;

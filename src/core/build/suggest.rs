@@ -4,6 +4,7 @@
 //! parts the values into two groups best (Otsu, "A threshold selection method from gray-level histograms", 1979).
 
 use super::histogram::Histogram;
+use super::progress::Observer;
 use crate::classify::colour::Colour;
 use crate::classify::{Label, TransferFunction, UnlistedLabels};
 use crate::error::{Error, Result};
@@ -49,6 +50,18 @@ impl Suggestion {
         };
         let palette = TransferFunction::labels(stated.iter().map(label).collect(), UnlistedLabels::Distinct)?;
         Ok(Some(Suggestion::StatedLabels(palette)))
+    }
+
+    /// Returns what to show of a volume: what its file says, or else what its values suggest. `source` must be at its first
+    /// slice, and is there again afterwards.
+    ///
+    /// # Errors
+    /// Those of [`Self::stated`] and [`Self::of`]; errors of reading; [`Error::Interrupted`] if `observer` cancels.
+    pub fn for_volume(source: &mut dyn SlabSource, observer: &mut dyn Observer) -> Result<Suggestion> {
+        match Suggestion::stated(source)? {
+            Some(stated) => Ok(stated),
+            None => Suggestion::of(&Histogram::of(source, observer)?),
+        }
     }
 
     /// Returns what to show of the volume with this histogram.

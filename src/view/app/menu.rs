@@ -24,7 +24,7 @@ impl Viewer {
                     ui.close();
                 }
                 let (title, what) = match cfg!(target_arch = "wasm32") {
-                    true => ("Address…", "Type the address of an .adj file on this page's server"),
+                    true => ("Address…", "Type the address of an .adj file or a volume on this page's server"),
                     false => ("Path…", "Type a path; a folder of DICOM slices, for example"),
                 };
                 if ui.button(title).on_hover_text(what).clicked() {

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use adjsplat::TransferFunction;
 use adjsplat::error::{Error, Result};
-use egui::{CentralPanel, Context, Key, Modifiers, Panel, Theme, Ui};
+use egui::{CentralPanel, Context, DroppedFileHandle, Key, Modifiers, Panel, Theme, Ui};
 
 use crate::dialog::{Dialog, NoDialog, Purpose};
 use crate::document::Document;
@@ -135,7 +135,7 @@ impl Viewer {
 
     fn take_dropped(&mut self, context: &Context) {
         let dropped = context.input(|input| input.raw.dropped_files.clone());
-        dropped.into_iter().for_each(|file| self.open(context, Place::Dropped(file)));
+        places(dropped).into_iter().for_each(|place| self.open(context, place));
     }
 
     /// Takes what threads and dialogs have finished.
@@ -185,8 +185,7 @@ impl Viewer {
         if let Some((purpose, choice)) = self.dialog.as_ref().and_then(Dialog::result) {
             self.dialog = None;
             match choice {
-                Ok(Some(place)) => self.chosen(context, purpose, place),
-                Ok(None) => {}
+                Ok(places) => self.chosen(context, purpose, places),
                 Err(NoDialog) => {
                     self.typed_path = Some((purpose, String::new()));
                     self.message = Some((NO_DIALOG.into(), true));
@@ -202,10 +201,11 @@ impl Viewer {
     }
 
     /// Does what a file was chosen for.
-    fn chosen(&mut self, context: &Context, purpose: Purpose, place: Place) {
+    fn chosen(&mut self, context: &Context, purpose: Purpose, mut places: Vec<Place>) {
         if purpose == Purpose::OpenFile {
-            return self.open(context, place);
+            return places.into_iter().for_each(|place| self.open(context, place));
         }
+        let Some(place) = places.pop() else { return };
         let path = place.path().unwrap_or("".as_ref());
         // A browser asks for no name.
         let is_turn = cfg!(target_arch = "wasm32") && self.form.is_some_and(|form| form.frames > 1);
@@ -291,6 +291,18 @@ impl Viewer {
 const NO_DIALOG: &str = "this desktop has no dialogs for files (neither a portal, xdg-desktop-portal, nor zenity); type a path. Files \
     to open can also be dragged into the window, or named after adj view";
 
+/// Returns where files are that were dropped together.
+#[cfg(not(target_arch = "wasm32"))]
+fn places(dropped: Vec<DroppedFileHandle>) -> Vec<Place> {
+    Place::together(dropped.iter().map(|file| file.path().to_path_buf()).collect())
+}
+
+/// Returns where files are that were dropped together.
+#[cfg(target_arch = "wasm32")]
+fn places(dropped: Vec<DroppedFileHandle>) -> Vec<Place> {
+    Place::together(dropped.iter().filter_map(|file| file.web_file().cloned()).collect())
+}
+
 /// Reads the transfer function at a place.
 fn transfer_at(place: &Place) -> Result<TransferFunction> {
     match place {
@@ -302,6 +314,15 @@ fn transfer_at(place: &Place) -> Result<TransferFunction> {
     }
 }
 
+/// Options of readers in messages, each with the option of `adj build` that replaces it: the viewer has none.
+const ADVICE: [(&str, &str); 5] = [
+    ("describe them with `OpenOptions::raw`", "describe them to adj build by --dims 256x256x128 --type u8 or alike"),
+    ("`OpenOptions::level`", "adj build --level"),
+    ("`OpenOptions::outside_files`", "adj build --outside-files"),
+    ("`OpenOptions::series`", "adj build --series"),
+    ("`OpenOptions::spacing`", "adj build --spacing XxYxZ"),
+];
+
 /// Returns an error with its cause, in one line.
 fn full(fault: &Error) -> String {
     let mut text = fault.to_string();
@@ -310,5 +331,5 @@ fn full(fault: &Error) -> String {
         text = format!("{text}: {inner}");
         cause = inner.source();
     }
-    text
+    ADVICE.iter().fold(text, |text, (option, flag)| text.replace(option, flag))
 }

@@ -10,12 +10,9 @@ use crate::overlay::{self, Projector};
 impl Viewer {
     pub(super) fn views(&mut self, ui: &mut Ui) {
         if self.documents.is_empty() {
-            let text = match (self.openings.is_empty(), cfg!(target_arch = "wasm32")) {
-                (false, _) => "Opening …",
-                (true, true) => "Drop an .adj file here, or choose Open. Of a volume, adj build makes one.",
-                (true, false) => {
-                    "Drop a file here, or choose Open: an .adj file, or a volume (DICOM, NIfTI, NRRD, TIFF, Zarr …)"
-                }
+            let text = match self.openings.is_empty() {
+                false => "Opening …",
+                true => "Drop a file here, or choose Open: an .adj file, or a volume (DICOM, NIfTI, NRRD, TIFF …)",
             };
             let rect = ui.available_rect_before_wrap();
             overlay::message(ui.painter(), rect, text, ui.visuals().weak_text_color());

@@ -87,7 +87,7 @@ impl Viewer {
         let text = text.trim().to_owned();
         if chosen && !text.is_empty() {
             let place = if is_page { Place::Address(text) } else { Place::Path(text.into()) };
-            self.chosen(context, purpose, place);
+            self.chosen(context, purpose, vec![place]);
         }
         if !is_open || chosen || context.input(|input| input.key_pressed(Key::Escape)) {
             self.typed_path = None;
