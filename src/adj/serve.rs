@@ -7,14 +7,14 @@ use clap::Args;
 use super::Answer;
 use adjsplat::error::{Error, Result};
 
-/// Show .adj files in a browser on this machine: serves the viewer's page and prints the link
+/// Show files in a browser on this machine: serves the viewer's page and prints the link
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  adj serve head.adj\nThe page fetches only the parts of a file that it draws. It needs a browser with WebGPU.\nOther machines cannot reach it: for them, put the page's folder on a server, and the files into that\nfolder."
+    after_help = "Example:\n  adj serve head.adj\nThe page fetches only the parts of a file that it draws. It builds volumes that are one file. It needs a browser with WebGPU.\nOther machines cannot reach it: for them, put the page's folder on a server, and the files into that\nfolder."
 )]
 pub(super) struct Arguments {
-    /// .adj files
-    #[arg(value_name = "FILE.adj", required = true)]
+    /// .adj files, or volumes of one file each
+    #[arg(value_name = "FILE", required = true)]
     input: Vec<PathBuf>,
     /// The page's folder, with index.html [default: the folder page beside the program or one above]
     #[arg(long, value_name = "DIR")]

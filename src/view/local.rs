@@ -1,8 +1,10 @@
-//! Files of this machine: `.adj` files are mapped, volumes are built with what they or their values suggest to show.
+//! Files of this machine: `.adj` files are mapped, volumes are built with what they or their values suggest to show, and with coarser
+//! levels of detail, which are drawn while the view moves.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+use adjsplat::arena::Levels;
 use adjsplat::build::{Observer, Phase as BuildPhase, Suggestion};
 use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
@@ -37,7 +39,7 @@ pub(crate) fn build(files: &[PathBuf], progress: &Progress, context: &Context) -
     let mut source = open_slices(files, &OpenOptions::new())?;
     watch.progress.set(Phase::Looking, 0, 1)?;
     let suggestion = Suggestion::for_volume(&mut *source, watch)?;
-    Build::new(suggestion.transfer()?).run_observed(source, watch)
+    Build::new(suggestion.transfer()?).with_levels(Levels::Auto).run_observed(source, watch)
 }
 
 struct Watch<'a> {

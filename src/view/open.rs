@@ -24,7 +24,7 @@ use crate::remote::Remote;
 pub enum Place {
     /// On this machine.
     Path(PathBuf),
-    /// On a server: the address of an `.adj` file. Only a page opens it.
+    /// On a server, at this address. Only a page opens it.
     Address(String),
     /// In memory, under this name.
     Bytes(String, Arc<Vec<u8>>),

@@ -27,7 +27,7 @@ use crate::recent::RecentFiles;
 
 /// Begins to show the viewer on a canvas. Its promise fails with a sentence for the user if that is not possible.
 ///
-/// The page's query: `file` is the address of an `.adj` file, `view` an eye as [`crate::look::Eye::to_text`] writes it, and
+/// The page's query: `file` is the address of a file, `view` an eye as [`crate::look::Eye::to_text`] writes it, and
 /// `tf` a transfer function as JSON.
 #[wasm_bindgen]
 pub async fn start(canvas: HtmlCanvasElement) -> std::result::Result<(), JsValue> {

@@ -8,6 +8,7 @@ use std::io::ErrorKind;
 use std::ops::ControlFlow;
 
 use adjsplat::Build;
+use adjsplat::arena::Levels;
 use adjsplat::build::{Observer, Phase, Suggestion};
 use adjsplat::error::{Error, Result};
 use adjsplat_readers::{MemoryFiles, OpenOptions, open_slices};
@@ -31,7 +32,8 @@ pub fn build(files: Vec<File>, count: usize, told: &Function) -> std::result::Re
         let mut source = open_slices(&paths, &OpenOptions::new())?;
         let watch = &mut Told(told);
         let suggestion = Suggestion::for_volume(&mut *source, watch)?;
-        let model = Build::new(suggestion.transfer()?).run_observed(source, watch)?;
+        // Of coarse levels there is a picture while the voxels go to the device.
+        let model = Build::new(suggestion.transfer()?).with_levels(Levels::Auto).run_observed(source, watch)?;
         Ok(Uint8Array::from(model.arena()?.bytes()))
     };
     built().map_err(|fault| sentence(&fault, &in_memory.path("").display().to_string()))
