@@ -26,7 +26,9 @@ from playwright.sync_api import sync_playwright
 
 PROGRAM, PAGE = map(os.path.abspath, sys.argv[1:3])
 SIZE = {"width": 1000, "height": 600}
+SMALL = {"width": 600, "height": 400}
 PATIENCE = 120  # seconds
+CANCEL = (46, 72)  # the place of the button that stops opening
 WEBGPU = ["--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader"]
 NEAR = 45  # decibels
 
@@ -181,6 +183,18 @@ class Slow(Ranges):
         # Before them come the head, the directories of three lanes, and steps, values and normals of the first part.
         if Slow.asked > 7:
             Slow.may_go_on.wait(PATIENCE)
+
+
+class Held(Ranges):
+    """A server that holds back the module of the web worker, so that a build does not end."""
+
+    may_go_on = threading.Event()
+
+    def do_GET(self):
+        if "worker_bg" in self.path:
+            Held.may_go_on.wait(PATIENCE)
+        with contextlib.suppress(ConnectionError):  # of a worker that was ended
+            super().do_GET()
 
 
 class Tenth(Ranges):
@@ -636,7 +650,7 @@ def check_built(viewer, volume, folder):
 
 
 def check_volume_at(browser, address, volume, folder):
-    viewer = Viewer(browser, address)
+    viewer = Viewer(browser, address, size=SMALL)
     check_built(viewer, volume, folder)
     assert viewer.state()["fetched"] is None
     viewer.close()
@@ -659,7 +673,7 @@ def check_volumes(browser, folder):
     server, base = serving(Ranges, root)
     try:
         check_volume_at(browser, base + "?file=ball.nrrd", paths["ball.nrrd"], folder)
-        viewer = Viewer(browser, base)
+        viewer = Viewer(browser, base, size=SMALL)
         wait("the viewer", lambda: "message" in viewer.state())
         drop = """async (names) => {
             const files = new DataTransfer();
@@ -689,6 +703,20 @@ def check_volumes(browser, folder):
             assert said.startswith(words) and "memory:" not in said and "\n" not in said and "OpenOptions" not in said, said
         viewer.close()
     finally:
+        server.shutdown()
+    server, base = serving(Held, root)
+    try:
+        viewer = Viewer(browser, base + "?file=ball.nrrd")
+        # Asking the page for its state also brings news of its workers.
+        wait("the worker", lambda: viewer.state() and viewer.page.workers)
+        viewer.page.mouse.click(*CANCEL)
+        wait("the worker's end", lambda: viewer.state() and not viewer.page.workers)
+        said = viewer.told()
+        print(said)
+        assert said == "ball.nrrd was not opened" and viewer.state()["file"] is None, said
+        viewer.close()
+    finally:
+        Held.may_go_on.set()
         server.shutdown()
     print("volumes passed")
 

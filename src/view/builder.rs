@@ -69,6 +69,9 @@ struct Ended(Worker);
 
 impl Drop for Ended {
     fn drop(&mut self) {
+        // What was sent already is not heard any more.
+        self.0.set_onmessage(None);
+        self.0.set_onerror(None);
         self.0.terminate();
     }
 }

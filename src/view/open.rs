@@ -2,10 +2,13 @@
 //!
 //! In: a place. Out: progress, and in the end a model; a volume's is in memory. Opening can be cancelled.
 
+use std::future::poll_fn;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::pin::pin;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Poll, Waker};
 
 use adjsplat::Model;
 use adjsplat::error::{Error, Result};
@@ -202,6 +205,8 @@ pub(crate) struct Progress {
     /// Thousandths of the phase.
     done: AtomicU64,
     is_cancelled: AtomicBool,
+    /// Wakes the task that opens.
+    waker: Mutex<Option<Waker>>,
 }
 
 impl Progress {
@@ -213,6 +218,29 @@ impl Progress {
         self.phase.store(phase as u64, Ordering::Relaxed);
         self.done.store(1000 * done / total.max(1), Ordering::Relaxed);
         if self.is_cancelled.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    /// Waits for a task. If the user cancels, drops it wherever it waits: requests stop, and workers end.
+    ///
+    /// # Errors
+    /// Those of the task; [`Error::Interrupted`] if the user cancelled.
+    async fn unless_cancelled<T>(&self, task: impl Future<Output = Result<T>>) -> Result<T> {
+        let mut task = pin!(task);
+        poll_fn(|context| {
+            *self.waker.lock().unwrap_or_else(PoisonError::into_inner) = Some(context.waker().clone());
+            match self.is_cancelled.load(Ordering::Relaxed) {
+                true => Poll::Ready(Err(Error::Interrupted)),
+                false => task.as_mut().poll(context),
+            }
+        })
+        .await
+    }
+
+    fn cancel(&self) {
+        self.is_cancelled.store(true, Ordering::Relaxed);
+        if let Some(waker) = self.waker.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            waker.wake();
+        }
     }
 }
 
@@ -239,7 +267,7 @@ impl Opening {
         let (own_place, own_progress, context) = (place.clone(), progress.clone(), context.clone());
         background::run(async move || {
             // Nobody receives if the window was closed.
-            let _ = sender.send(open(&own_place, &own_progress, &context).await);
+            let _ = sender.send(own_progress.unless_cancelled(open(&own_place, &own_progress, &context)).await);
             context.request_repaint();
         });
         Opening { place, wish, progress, result }
@@ -254,7 +282,7 @@ impl Opening {
 
     /// Asks the work to stop.
     pub fn cancel(&self) {
-        self.progress.is_cancelled.store(true, Ordering::Relaxed);
+        self.progress.cancel();
     }
 
     /// Returns the result once it is there; that it was cancelled, at once.
@@ -302,6 +330,34 @@ pub(crate) fn model_of(name: &str, bytes: Vec<u8>) -> Result<Model> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_task_that_waits_for_ever_is_dropped_when_the_user_cancels() {
+        struct Held<'a>(&'a AtomicBool);
+        impl Drop for Held<'_> {
+            fn drop(&mut self) {
+                self.0.store(true, Ordering::Relaxed);
+            }
+        }
+        let (progress, was_dropped) = (Progress::default(), AtomicBool::new(false));
+        std::thread::scope(|scope| {
+            let waits = scope.spawn(|| {
+                let held = Held(&was_dropped);
+                let task = async move {
+                    let _held = held;
+                    std::future::pending::<Result<()>>().await
+                };
+                pollster::block_on(progress.unless_cancelled(task))
+            });
+            while progress.waker.lock().unwrap().is_none() {
+                std::thread::yield_now();
+            }
+            assert!(!was_dropped.load(Ordering::Relaxed));
+            progress.cancel();
+            assert!(matches!(waits.join().unwrap(), Err(Error::Interrupted)));
+        });
+        assert!(was_dropped.load(Ordering::Relaxed));
+    }
 
     #[test]
     fn files_that_are_dropped_together_are_slices_or_each_a_volume_without_its_samples() {
