@@ -1,10 +1,9 @@
 //! Files in a page: of those on a server only the parts that a picture needs, by HTTP range requests; of those that were
 //! chosen or dropped likewise. Volumes are read whole, and become such files.
 //!
-//! In: an address or files. Out: a file whose directory, with those of its levels of detail, alone is in memory, and which reads more
-//! when it is asked to. A file that the
-//! device could not hold, or that stores fewer than three lanes, has its first lane in memory, from which the other lanes are
-//! derived; of a server that does not know ranges, all of the file is.
+//! In: an address or files. Out: a file whose directory, with those of its levels of detail, alone is in memory, and which reads
+//! more when it is asked to. A file that the device could not hold, or that stores fewer than three lanes, has its first lane in
+//! memory, from which the other lanes are derived; of a server that does not know ranges, all of the file is.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -49,7 +48,7 @@ pub(crate) async fn open_address(
     let mut got = asked.answer(&name, arrived).await?;
     let whole = got.part.as_ref().map(|part| part.whole);
     if !is_adj(&name, &got.start()) {
-        if let Some(whole) = whole {
+        if let Some(whole) = whole.filter(|whole| *whole > got.len) {
             let all = Asked::begin(&name, address, 0..whole)?.answer(&name, arrived).await?;
             all.check(&name, &(0..whole), whole, &got.version)?;
             got = all;
@@ -284,7 +283,7 @@ impl Answer {
 
     /// Returns the first bytes, which tell what the file is.
     fn start(&self) -> Vec<u8> {
-        self.pieces.first().map(|piece| piece.subarray(0, 16).to_vec()).unwrap_or_default()
+        self.pieces.iter().flat_map(|piece| piece.subarray(0, 16).to_vec()).take(16).collect()
     }
 
     fn bytes(&self) -> Result<Vec<u8>> {
