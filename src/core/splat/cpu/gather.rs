@@ -464,7 +464,7 @@ impl<'a, B: Blend> Band<'a, B> {
         let row = *first_row + row as i32;
         let reaches = stamps.as_ref().filter(|_| STAMPED);
         let reaches = reaches.map(|stamps| stamps.reaches(line.slice, line.medium, row));
-        let mut rows = slab.rows(line).iter();
+        let mut rows = if STAMPED { [].iter() } else { slab.rows(line).iter() };
         let mut lengths = 0;
         for (splat, tiles) in (line.splats[0]..).zip(slab.tiles(line)) {
             let (mut first, mut width) = (usize::from(tiles.column), usize::from(tiles.place));
