@@ -55,12 +55,17 @@ fn the_plain_twin_and_all_machine_code_draw_the_same_bits_of_a_level() {
         assert_eq!(model.levels().len(), 3);
         for level in 1..=3 {
             for quality in [Quality::Draft, Quality::Standard, Quality::High] {
-                for projection in [Projection::Parallel { height: 90.0 }, Projection::Perspective { fov: 50.0 }] {
-                    let camera = camera(&model, [35.0, 20.0], 75.0, projection);
+                // Along an axis a lattice has a whole number of pixels a voxel, elsewhere any number.
+                let parallel = Projection::Parallel { height: 90.0 };
+                let oblique = [35.0, 20.0];
+                let views =
+                    [(oblique, parallel), ([90.0, 0.0], parallel), (oblique, Projection::Perspective { fov: 50.0 })];
+                for (direction, projection) in views {
+                    let camera = camera(&model, direction, 75.0, projection);
                     let mut settings = Settings::new(size).with_level(level).with_threads(1);
                     settings.quality = quality;
                     let frame = draw(&model, &camera, &settings);
-                    let what = format!("{spacing:?} level {level} {quality:?} {projection:?}");
+                    let what = format!("{spacing:?} level {level} {quality:?} {direction:?} {projection:?}");
                     assert!(frame.pixels().iter().any(|sample| *sample > 0.1), "{what} shows nothing");
                     for code in [Code::Plain, Code::Portable, Code::Avx2] {
                         assert!(frame == draw(&model, &camera, &settings.clone().with_code(code)), "{what} {code:?}");

@@ -30,7 +30,7 @@ const SIGMA_0: f32 = 0.7;
 const CUT_OFF: f32 = 3.2;
 
 /// A level with more voxels than this, for each voxel of level 0, is not drawn: its voxels lie beside the points of the grid, and
-/// drawing one takes about twice as long as drawing one of level 0.
+/// drawing one takes 1.1 to 1.8 times as long as drawing one of level 0.
 const WORTHWHILE: f64 = 0.4;
 
 /// The largest crowding of level 1 whose matter is not thin. Crowding is how many blocks are needed for each that the voxels of
@@ -111,12 +111,12 @@ pub fn level_kernel(kernel: KernelShape, level: usize) -> KernelShape {
 /// What each comes from:
 ///
 /// * Standard, level 1: 38 dB are kept from 0.59 pixels on by engine, from 0.8 by vessels, iron and atlas. Two MR heads have 36.3
-///   and 36.5 dB at 0.5 pixels, and keep 38 from 0.29 and 0.34 on: that is worth 2 to 2.8 times the speed of the others.
+///   and 36.5 dB at 0.5 pixels, and keep 38 from 0.29 and 0.34 on: that is worth 3 to 3.7 times the speed of the others.
 /// * Standard, level 2: engine has 35.5 dB at 0.25 pixels. At 0.125 the pictures of all sets have fewer than 32 pixels a side, and
 ///   level 0 itself has 34 to 42 dB there.
 /// * Draft, level 1: sag has 33.8 dB at 1.03 pixels. Level 2: engine has 30 dB at 0.7. Level 3: engine has 30.3 dB at 0.5.
 /// * Thin matter at standard: level 1 of shells has 30 dB at 0.125 pixels.
-/// * Thin matter at draft: at 0.25 pixels level 2 of shells has 30.2 dB, of gyroid 30.7.
+/// * Thin matter at draft: at 0.25 pixels level 2 of shells has 30.3 dB, of gyroid 30.6.
 fn most_pixels(quality: Quality, level: usize, is_thin: bool) -> f64 {
     match (quality, level, is_thin) {
         (_, 0, _) => f64::INFINITY,

@@ -12,7 +12,7 @@
 //!
 //! Each tile takes its voxels in visit order, so its bits do not depend on when it takes them. In a parallel view all
 //! tiles of a slice see the same lattice of voxels. So the weights of kernels at a tile's pixels, the *stamps*, are
-//! computed once for a slice.
+//! computed once for a slice. Those of voxels beside the points of the grid, the [`Footprints`], are computed once for a frame.
 
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -23,6 +23,7 @@ use bytemuck::Zeroable;
 use super::bit_rows::BitRows;
 use super::blend::Blend;
 use super::dispatch;
+use super::footprints::Footprints;
 use super::lattice::{Lattice, Slice};
 use super::look_tables::LookTables;
 use super::project::{GROUP, Projector, VoxelBlock, limited};
@@ -150,6 +151,8 @@ pub(super) struct Band<'a, B> {
     slab: Slab,
     /// The stamps of a parallel view of voxels on points of the grid.
     stamps: Option<Stamps>,
+    /// What voxels beside the points of the grid weigh in a parallel view.
+    footprints: Option<&'a Footprints>,
     /// How many closed tiles are before and after a row, so that a voxel's tiles need not be clipped.
     around: usize,
     /// For each tile of a row, with those around it: the splats that wait for it.
@@ -168,7 +171,7 @@ impl<'a, B: Blend> Band<'a, B> {
         made: &'b mut Option<Band<'a, B>>,
         task: &DrawTask,
         lattice: &'a Lattice,
-        tables: Option<&'a LookTables>,
+        tables: (Option<&'a LookTables>, Option<&'a Footprints>),
         rows: usize,
     ) -> Result<&'b mut Band<'a, B>> {
         let band = match made.take() {
@@ -178,7 +181,12 @@ impl<'a, B: Blend> Band<'a, B> {
         Ok(made.insert(band))
     }
 
-    fn new(task: &DrawTask, lattice: &'a Lattice, tables: Option<&'a LookTables>, rows: usize) -> Result<Band<'a, B>> {
+    fn new(
+        task: &DrawTask,
+        lattice: &'a Lattice,
+        (tables, footprints): (Option<&'a LookTables>, Option<&'a Footprints>),
+        rows: usize,
+    ) -> Result<Band<'a, B>> {
         let columns = lattice.size[0] as usize >> TILE;
         let stamps = lattice.voxels_per_tile().map(|voxels| {
             let depth = task.projector.table.only_depth().map(|depth| limited(depth, lattice.tile([0, 0]).strength));
@@ -210,6 +218,7 @@ impl<'a, B: Blend> Band<'a, B> {
             block,
             slab: Slab::new(rows, line)?,
             stamps,
+            footprints,
             around,
             lists: zeroed(tiles)?,
             taken: 0,
@@ -387,20 +396,21 @@ impl<'a, B: Blend> Band<'a, B> {
     /// Shades the voxels of the block and adds them to the slab.
     #[inline(always)]
     pub(super) fn flush(&mut self, projector: &Projector) {
-        let Band { voxels, block, tables, slab, lattice, slice, stamps, .. } = self;
+        let Band { voxels, block, tables, slab, lattice, slice, stamps, footprints, .. } = self;
         if voxels.count == 0 {
             return;
         }
-        let looks = match stamps {
-            Some(stamps) => slab.add_stamped(voxels, stamps),
-            None if projector.is_on_grid() => slab.add_placed(voxels, voxels.positions(), lattice, slice),
-            None => slab.add_placed(voxels, &projector.displaced(voxels), lattice, slice),
+        let looks = match (stamps, footprints) {
+            (Some(stamps), _) => slab.add_stamped(voxels, stamps),
+            (_, Some(footprints)) => slab.add_footprints(voxels, &projector.lane, slice, footprints),
+            _ if projector.is_on_grid() => slab.add_placed(voxels, voxels.positions(), lattice, slice),
+            _ => slab.add_placed(voxels, &projector.displaced(voxels), lattice, slice),
         };
         match tables {
             Some(tables) => tables.colour(projector, voxels, looks),
             None => {
                 block.count = voxels.count.min(BLOCK);
-                block.strength = [if stamps.is_some() { lattice.tile([0, 0]).strength } else { 1.0 }; BLOCK];
+                block.strength = [if lattice.is_parallel() { lattice.tile([0, 0]).strength } else { 1.0 }; BLOCK];
                 dispatch::colour(self.code, projector, voxels, block);
                 for ((look, ink), peak) in looks.iter_mut().zip(&block.ink).zip(&block.peak) {
                     *look = [ink[0], ink[1], ink[2], *peak];
@@ -430,7 +440,7 @@ impl<'a, B: Blend> Band<'a, B> {
 
     /// Lets the open tiles of a row take the voxels of the lines that reach it.
     #[inline(always)]
-    fn take_row<const PARALLEL: bool, const ONE_DEPTH: bool>(&mut self, projector: &Projector, row: usize) {
+    fn take_row<const STAMPED: bool, const ONE_DEPTH: bool>(&mut self, projector: &Projector, row: usize) {
         let [before, end] = [self.around, self.around + self.columns];
         for (column, list) in self.lists[before..end].iter_mut().enumerate() {
             list.grows = u32::from(self.open.get(row, column));
@@ -439,26 +449,31 @@ impl<'a, B: Blend> Band<'a, B> {
             let line = *self.slab.line(row, index);
             for first in (line.splats[0]..line.splats[1]).step_by(TOGETHER) {
                 let splats = [first, line.splats[1].min(first + TOGETHER as u32)];
-                if self.put_on_lists::<PARALLEL>(row, &Line { splats, ..line }) & FULL != 0 {
-                    self.take::<PARALLEL, ONE_DEPTH>(projector, row, FULL);
+                if self.put_on_lists::<STAMPED>(row, &Line { splats, ..line }) & FULL != 0 {
+                    self.take::<STAMPED, ONE_DEPTH>(projector, row, FULL);
                 }
             }
         }
-        self.take::<PARALLEL, ONE_DEPTH>(projector, row, 1);
+        self.take::<STAMPED, ONE_DEPTH>(projector, row, 1);
     }
 
     /// Puts the splats of a line on the lists of a row's tiles. Returns a number with the bits of these lists' lengths.
     #[inline(always)]
-    fn put_on_lists<const PARALLEL: bool>(&mut self, row: usize, line: &Line) -> u32 {
+    fn put_on_lists<const STAMPED: bool>(&mut self, row: usize, line: &Line) -> u32 {
         let Band { slab, stamps, lists, first_row, around, .. } = self;
-        let reaches = stamps.as_ref().filter(|_| PARALLEL);
-        let reaches = reaches.map(|stamps| stamps.reaches(line.slice, line.medium, *first_row + row as i32));
+        let row = *first_row + row as i32;
+        let reaches = stamps.as_ref().filter(|_| STAMPED);
+        let reaches = reaches.map(|stamps| stamps.reaches(line.slice, line.medium, row));
+        let mut rows = if STAMPED { [].iter() } else { slab.rows(line).iter() };
         let mut lengths = 0;
         for (splat, tiles) in (line.splats[0]..).zip(slab.tiles(line)) {
             let (mut first, mut width) = (usize::from(tiles.column), usize::from(tiles.place));
             if let Some(reaches) = reaches {
                 let Some(reach) = reaches.get(usize::from(tiles.place)) else { continue };
                 (first, width) = ((first + *around).wrapping_sub(reach.before.into()), reach.width.into());
+            }
+            if !STAMPED && rows.next().is_none_or(|rows| (row as u16).wrapping_sub(rows.column) >= rows.place) {
+                continue;
             }
             loop {
                 lengths |= put(lists, first, width, splat);
@@ -473,8 +488,8 @@ impl<'a, B: Blend> Band<'a, B> {
 
     /// Lets the tiles of a row with at least this many splats on their lists take them.
     #[inline(always)]
-    fn take<const PARALLEL: bool, const ONE_DEPTH: bool>(&mut self, projector: &Projector, row: usize, least: u32) {
-        let weights = Weights { stamps: self.stamps.as_ref(), lattice: self.lattice };
+    fn take<const STAMPED: bool, const ONE_DEPTH: bool>(&mut self, projector: &Projector, row: usize, least: u32) {
+        let weights = Weights { stamps: self.stamps.as_ref(), footprints: self.footprints, lattice: self.lattice };
         for column in 0..self.columns {
             let list = &mut self.lists[self.around + column];
             if list.count < least {
@@ -485,7 +500,7 @@ impl<'a, B: Blend> Band<'a, B> {
             self.visits += 1;
             let splats = &list.splats[..(count as usize).min(LONGEST)];
             let place = [column as i32, self.first_row + row as i32];
-            if !weights.blend::<B, PARALLEL, ONE_DEPTH>(projector, &self.slab, splats, &mut self.pixels, place) {
+            if !weights.blend::<B, STAMPED, ONE_DEPTH>(projector, &self.slab, splats, &mut self.pixels, place) {
                 self.open.clear(row, column);
                 list.grows = 0;
             }
@@ -515,13 +530,14 @@ fn put(lists: &mut [List], first: usize, width: usize, splat: u32) -> u32 {
 /// Where the weights of splats come from.
 struct Weights<'a> {
     stamps: Option<&'a Stamps>,
+    footprints: Option<&'a Footprints>,
     lattice: &'a Lattice,
 }
 
 impl Weights<'_> {
     /// Blends splats with a tile; returns whether any of its pixels may still change.
     #[inline(always)]
-    fn blend<B: Blend, const PARALLEL: bool, const ONE_DEPTH: bool>(
+    fn blend<B: Blend, const STAMPED: bool, const ONE_DEPTH: bool>(
         &self,
         projector: &Projector,
         slab: &Slab,
@@ -532,32 +548,40 @@ impl Weights<'_> {
         let Some((_, PixelTile(values))) = pixels.tile(place[0], place[1]) else { return false };
         let stop = projector.stop;
         let mut tile = Pixels { values: *values, is_open: true };
-        match self.stamps {
-            Some(stamps) if PARALLEL => {
-                let lower = stamps.lower(place);
-                for &splat in splats {
-                    let [red, green, blue, depth] = *slab.look(splat);
-                    let stamp = stamps.stamp(slab.stamp(splat) - lower);
-                    if ONE_DEPTH {
-                        tile.blend::<B>(stamp, [red, green, blue], stop);
-                    } else {
-                        tile.blend::<B>(&amounts::<B>(stamp, depth), [red, green, blue], stop);
-                    }
-                    if !tile.is_open {
-                        break;
-                    }
+        if STAMPED {
+            let Some(stamps) = self.stamps else { return false };
+            let lower = stamps.lower(place);
+            for &splat in splats {
+                let [red, green, blue, depth] = *slab.look(splat);
+                let stamp = stamps.stamp(slab.stamp(splat) - lower);
+                if ONE_DEPTH {
+                    tile.blend::<B>(stamp, [red, green, blue], stop);
+                } else {
+                    tile.blend::<B>(&amounts::<B>(stamp, depth), [red, green, blue], stop);
+                }
+                if !tile.is_open {
+                    break;
                 }
             }
-            _ => {
-                let rays = self.lattice.tile(place);
-                for &splat in splats {
-                    let [red, green, blue, depth] = *slab.look(splat);
-                    let weights = rays.weights(slab.place(splat), projector.cut);
-                    let amounts = amounts::<B>(&weights, limited(depth, rays.strength));
-                    tile.blend::<B>(&amounts, [red, green, blue], stop);
-                    if !tile.is_open {
-                        break;
-                    }
+        } else if let Some(footprints) = self.footprints {
+            let later = footprints.later(place);
+            for &splat in splats {
+                let [red, green, blue, depth] = *slab.look(splat);
+                let weights = footprints.weights(slab.stamp(splat) + later);
+                tile.blend::<B>(&amounts::<B>(weights, depth), [red, green, blue], stop);
+                if !tile.is_open {
+                    break;
+                }
+            }
+        } else {
+            let rays = self.lattice.tile(place);
+            for &splat in splats {
+                let [red, green, blue, depth] = *slab.look(splat);
+                let weights = rays.weights(slab.place(splat), projector.cut);
+                let amounts = amounts::<B>(&weights, limited(depth, rays.strength));
+                tile.blend::<B>(&amounts, [red, green, blue], stop);
+                if !tile.is_open {
+                    break;
                 }
             }
         }

@@ -5,7 +5,7 @@
 //! points, only shifted and scaled from slice to slice:
 //!
 //! ```text
-//! parallel       point = origin(slice) + pixel * K / 4                K voxels to a tile of 4 x 4 pixels
+//! parallel       point = origin(slice) + pixel * K / 4                K voxels to a side of a tile of 4 x 4 pixels
 //! perspective    point = eye + distance(slice) * slope                slope = first + pixel * step
 //! ```
 //!
@@ -58,12 +58,12 @@ struct Density {
     wide: f64,
     /// Where voxels are small.
     small: f64,
-    /// Where they are small and lie beside the points of the grid, as those of levels.
+    /// Where they are small and lie beside the points of the grid, as those of levels (docs/studies/levels.md).
     beside: f64,
 }
 
-const ENOUGH: Density = Density { wide: 0.93, small: 0.7, beside: 0.6 };
-const FEWEST: Density = Density { wide: 0.62, small: 0.7, beside: 0.6 };
+const ENOUGH: Density = Density { wide: 0.93, small: 0.7, beside: 0.65 };
+const FEWEST: Density = Density { wide: 0.62, small: 0.7, beside: 0.65 };
 /// The most pixels of the plane that are worthwhile per pixel of the picture, along a side, unless voxels are small.
 const PER_PIXEL: f64 = 1.35;
 /// The same where a filter follows and voxels are opaque, as their edges are finer than the filter; and the sharpness from
@@ -101,8 +101,8 @@ pub(super) struct Lattice {
 #[derive(Debug, Clone)]
 enum Rays {
     Parallel {
-        /// Number of voxels to a tile.
-        voxels: i32,
+        /// Number of voxels to a side of a tile; whole if voxels lie on points of the grid.
+        voxels: f64,
         /// How far a ray moves per slice.
         slope: [f64; 2],
         /// The point of pixel 0 in slice 0.
@@ -133,7 +133,7 @@ pub(super) struct Slice {
     /// The distance between pixels, in voxels.
     pub(super) step: f64,
     /// By how much `origin` and `step` grow per slice.
-    shift: [f64; 2],
+    pub(super) shift: [f64; 2],
     growth: f64,
 }
 
@@ -257,7 +257,7 @@ impl Lattice {
         match &self.rays {
             Rays::Parallel { voxels, slope, origin, .. } => {
                 let origin = [0, 1].map(|side| origin[side] + slope[side] * slow);
-                Slice { slow, origin, step: f64::from(*voxels) / 4.0, shift: *slope, growth: 0.0 }
+                Slice { slow, origin, step: voxels / 4.0, shift: *slope, growth: 0.0 }
             }
             Rays::Perspective { eye, first, step, .. } => {
                 let distance = (slow - eye[0]).abs();
@@ -302,14 +302,14 @@ impl Lattice {
         Place { pixel: [column, row], offset: [right, down], scale: (step * step) as f32 }
     }
 
-    /// Computes the places of voxels of a slice, and which tiles of a row they reach.
+    /// Computes the places of voxels of a slice in a perspective, and which columns and rows of tiles they reach.
     #[inline(always)]
     pub(super) fn set_places<C: Coordinates>(
         &self,
         slice: &Slice,
         positions: &C,
         places: &mut [Place],
-        tiles: &mut [Tiles],
+        tiles: [&mut [Tiles]; 2],
     ) {
         let (mut pixel, mut offset) = ([[0; BLOCK]; 2], [[0.0; BLOCK]; 2]);
         let mut scale = [(slice.step * slice.step) as f32; BLOCK];
@@ -334,26 +334,36 @@ impl Lattice {
                 (scale[j], radius[j]) = (place.scale, self.kernel.radius / place.scale.sqrt());
             }
         }
-        let (first, step) = match &self.rays {
-            Rays::Parallel { slope, .. } => (slope[0] as f32, 0.0),
-            Rays::Perspective { first, step, .. } => (first[0] as f32, *step as f32),
-        };
-        // The slopes of the tiles that a kernel reaches are at most this much steeper.
-        let more = step * self.farthest(slice) as f32;
-        let last = (self.size[0] >> TILE) as i32 - 1;
-        let (mut column, mut width) = ([0; BLOCK], [0; BLOCK]);
-        for j in 0..BLOCK {
-            let (pixel, offset) = (pixel[0][j], offset[0][j]);
-            let slope = (first + step * pixel as f32).abs() + more;
-            let reach = radius[j] * (1.0 + slope * slope).sqrt() + 0.01;
-            let low = ((pixel + (offset - reach).ceil() as i32) >> TILE).max(0);
-            let high = ((pixel + (offset + reach).floor() as i32) >> TILE).min(last);
-            (column[j], width[j]) = (low as u16, (high + 1 - low).max(0) as u16);
+        for (side, tiles) in tiles.into_iter().enumerate() {
+            let (first, step) = match &self.rays {
+                Rays::Parallel { slope, .. } => (slope[side] as f32, 0.0),
+                Rays::Perspective { first, step, .. } => (first[side] as f32, *step as f32),
+            };
+            // The slopes of the tiles that a kernel reaches are at most this much steeper.
+            let more = step * self.farthest(slice) as f32;
+            let last = (self.size[side] >> TILE) as i32 - 1;
+            let (mut from, mut count) = ([0; BLOCK], [0; BLOCK]);
+            for j in 0..BLOCK {
+                let (pixel, offset) = (pixel[side][j], offset[side][j]);
+                let slope = (first + step * pixel as f32).abs() + more;
+                let reach = radius[j] * (1.0 + slope * slope).sqrt() + 0.01;
+                let low = ((pixel + (offset - reach).ceil() as i32) >> TILE).max(0);
+                let high = ((pixel + (offset + reach).floor() as i32) >> TILE).min(last);
+                (from[j], count[j]) = (low as u16, (high + 1 - low).max(0) as u16);
+            }
+            for (j, tiles) in tiles.iter_mut().enumerate().take(BLOCK) {
+                *tiles = Tiles { column: from[j], place: count[j] };
+            }
         }
-        for (j, (place, tiles)) in places.iter_mut().zip(tiles).enumerate().take(BLOCK) {
+        for (j, place) in places.iter_mut().enumerate().take(BLOCK) {
             *place = Place { pixel: [pixel[0][j], pixel[1][j]], offset: [offset[0][j], offset[1][j]], scale: scale[j] };
-            *tiles = Tiles { column: column[j], place: width[j] };
         }
+    }
+
+    /// Returns whether the view is parallel: all tiles and slices then have the same rays.
+    #[inline(always)]
+    pub(super) fn is_parallel(&self) -> bool {
+        matches!(self.rays, Rays::Parallel { .. })
     }
 
     /// Returns how many voxels of a slice's row lie in a tile, in a parallel view of voxels on points of the grid; `None` in
@@ -361,7 +371,7 @@ impl Lattice {
     #[inline(always)]
     pub(super) fn voxels_per_tile(&self) -> Option<i32> {
         match self.rays {
-            Rays::Parallel { voxels, .. } if self.spread == 0.0 => Some(voxels),
+            Rays::Parallel { voxels, .. } if self.spread == 0.0 => Some(voxels as i32),
             _ => None,
         }
     }
@@ -369,14 +379,25 @@ impl Lattice {
     /// Returns how far a kernel reaches along the fast (`side` 0) or medium axis (1) from its centre, in voxels, on rays
     /// that meet the plane between the pixels `low` and `high`.
     #[inline(always)]
-    pub(super) fn reach(&self, side: usize, [low, high]: [f64; 2]) -> f64 {
-        let steepest = match &self.rays {
+    pub(super) fn kernel_reach(&self, side: usize, ends: [f64; 2]) -> f64 {
+        let steepest = self.steepest(side, ends);
+        f64::from(self.kernel.radius) * (1.0 + steepest * steepest).sqrt()
+    }
+
+    /// Returns the same from the voxel's point of the grid, beside which it may lie.
+    #[inline(always)]
+    pub(super) fn reach(&self, side: usize, ends: [f64; 2]) -> f64 {
+        self.kernel_reach(side, ends) + self.spread * (1.0 + self.steepest(side, ends))
+    }
+
+    #[inline(always)]
+    fn steepest(&self, side: usize, [low, high]: [f64; 2]) -> f64 {
+        match &self.rays {
             Rays::Parallel { slope, .. } => slope[side].abs(),
             Rays::Perspective { first, step, .. } => {
                 (first[side] + step * low).abs().max((first[side] + step * high).abs())
             }
-        };
-        f64::from(self.kernel.radius) * (1.0 + steepest * steepest).sqrt() + self.spread * (1.0 + steepest)
+        }
     }
 
     /// Returns how many pixels away from its centre a kernel of `slice` reaches at most: three radii on rays that are not
@@ -543,9 +564,14 @@ fn parallel(
     let shift = inverse.map(|row| transform(row, [x[slow], y[slow]]));
     let steps = [fast, medium].map(|axis| x[axis].hypot(y[axis]));
     let step = steps[0].max(steps[1]);
-    let is_in_phase = shift.iter().all(|shift| (shift - shift.round()).abs() < IN_PHASE) && step > SMALL_STEP;
+    let is_whole = |shift: &f64| (shift - shift.round()).abs() < IN_PHASE;
+    let is_in_phase = shift.iter().all(is_whole) && step > SMALL_STEP;
     let most_voxels = if is_in_phase { most_voxels_in_phase } else { 32.0 };
-    let voxels = (4.0 / choose(step) + 0.1).floor().clamp(1.0, most_voxels);
+    let voxels = (4.0 / choose(step)).clamp(1.0, most_voxels);
+    // Stamps need a whole number. Voxels beside the points of the grid do only if slices are in phase along an axis: then
+    // each pixel has the same place in the blocks of all slices.
+    let is_any = view.margin > 0.0 && !shift.iter().any(is_whole);
+    let voxels = if is_any { voxels } else { (voxels + 0.1).floor() };
     let per_voxel = 4.0 / voxels;
     // A shift above 1 means that the view runs along another axis than the slow one.
     if !shift.iter().all(|shift| shift.abs() < 1.001) {
@@ -582,7 +608,7 @@ fn parallel(
     let cross =
         DVec3::new(x[0], x[1], x[2]).cross(DVec3::new(y[0], y[1], y[2])).length() * f64::from(kernel.sigma).powi(2);
     let rays = Rays::Parallel {
-        voxels: voxels as i32,
+        voxels,
         slope: shift.map(|shift| -shift),
         origin: first.map(|first| first / per_voxel),
         strength: (f64::from(kernel.normalisation()) * scale * scale / cross) as f32,

@@ -16,6 +16,8 @@ use crate::splat::view::PixelMap;
 pub(super) struct LookTables {
     /// For each value code: colour and optical depth, that of a splat unless voxels have coverages.
     looks: Box<[Look; 256]>,
+    /// The optical depth of the splat of a voxel of depth 1.
+    strength: f32,
     /// For each normal code: a factor on the colour, and a highlight; `None` if voxels are not lit.
     light: Option<Box<[[f32; 2]; 1 << 16]>>,
 }
@@ -42,7 +44,7 @@ impl LookTables {
             light_of_codes(lights, &mut light);
             light
         });
-        Some(LookTables { looks, light })
+        Some(LookTables { looks, strength, light })
     }
 
     /// Computes the colours and depths of a block's voxels.
@@ -52,7 +54,7 @@ impl LookTables {
         self.colour_whole(projector, records, looks);
         if !projector.is_on_grid() {
             for (look, &record) in looks.iter_mut().zip(records) {
-                look[3] = limited(look[3] * projector.lane.coverage(record).share, 1.0);
+                look[3] = limited(look[3] * projector.lane.coverage(record).share, self.strength);
             }
         }
     }

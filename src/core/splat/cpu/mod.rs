@@ -15,6 +15,7 @@ mod bit_rows;
 pub(crate) mod blend;
 pub(crate) mod dispatch;
 mod faint;
+mod footprints;
 mod front;
 mod gather;
 mod lattice;

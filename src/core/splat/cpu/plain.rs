@@ -5,6 +5,7 @@
 //! Tests check that both give equal bits.
 
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
+use super::footprints::Footprints;
 use super::lattice::Lattice;
 use super::maximum::{Rays, advance};
 use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pixel_span, slant};
@@ -59,7 +60,12 @@ pub(super) fn draw_sheets(task: &DrawTask, rect: Rect) -> Result<BandResult> {
 }
 
 /// Draws all voxels on the pixels of a lattice; `shown` tells which of its tiles are drawn at all.
-pub(super) fn draw_on_lattice<B: Blend>(task: &DrawTask, lattice: &Lattice, shown: &[bool]) -> Result<BandResult> {
+pub(super) fn draw_on_lattice<B: Blend>(
+    task: &DrawTask,
+    lattice: &Lattice,
+    footprints: Option<&Footprints>,
+    shown: &[bool],
+) -> Result<BandResult> {
     let rect = full_rect(lattice.size);
     let mut tiles = TileBuffer::new(rect, B::INITIAL_ALPHA)?;
     let projector = &task.projector;
@@ -80,7 +86,15 @@ pub(super) fn draw_on_lattice<B: Blend>(task: &DrawTask, lattice: &Lattice, show
         let [red, green, blue, depth] = projector.look(record);
         let [red, green, blue] = lit_colour(projector, voxel, record, [red, green, blue]);
         let ink = [red, green, blue, B::ALPHA_INK];
+        let beside = footprints.map(|footprints| {
+            let at = footprints.place(&slice, [fast, medium], projector.lane.coverage_code(record));
+            (footprints, at)
+        });
         let spans = [0, 1].map(|side| {
+            if let Some((footprints, at)) = beside {
+                let [first, last] = footprints.pixels(side, at[side]);
+                return [first.max(0), last.min(lattice.size[side] as i32 - 1)];
+            }
             let at = f64::from(place.pixel[side]);
             let around = lattice.farthest(&slice);
             let reach = lattice.reach(side, [at - around, at + around]) / slice.step + 1.0;
@@ -94,11 +108,12 @@ pub(super) fn draw_on_lattice<B: Blend>(task: &DrawTask, lattice: &Lattice, show
                     continue;
                 }
                 let rays = lattice.tile(tile);
-                let weight = rays.weights(&place, projector.cut)[((y & 3) << TILE | (x & 3)) as usize];
-                let peak = match lattice.voxels_per_tile() {
-                    Some(_) => limited(depth, rays.strength),
-                    None => limited(limited(depth, 1.0), rays.strength),
+                let weight = match beside {
+                    Some((footprints, at)) => footprints.weight(at, [x, y]),
+                    None => rays.weights(&place, projector.cut)[((y & 3) << TILE | (x & 3)) as usize],
                 };
+                let depth = if lattice.is_parallel() { depth } else { limited(depth, 1.0) };
+                let peak = limited(depth, rays.strength);
                 if peak <= 0.0 {
                     continue;
                 }

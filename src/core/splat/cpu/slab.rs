@@ -3,10 +3,12 @@
 //! In: the voxels of a walk that an open tile may show, line by line, with colours. Out: for each row of tiles, the lines
 //! that reach it, in visit order; for each voxel, what a tile needs to take it.
 
+use super::footprints::Footprints;
 use super::lattice::{Lattice, Place, Slice};
 use super::project::{Coordinates, VoxelBlock};
 use super::raster::BLOCK;
 use super::stamps::Stamps;
+use crate::arena::Lane;
 use crate::error::Result;
 use crate::splat::frame::zeroed;
 
@@ -48,11 +50,13 @@ pub(super) struct Slab {
     enough: usize,
     count: usize,
     tiles: Box<[Tiles]>,
+    /// Without stamps: the rows of tiles that the voxel reaches.
+    rows: Box<[Tiles]>,
     /// Red, green, blue, and the optical depth in units of ln 2, for a tile of strength 1.
     looks: Box<[[f32; 4]]>,
-    /// With stamps: the number of the stamp for the first tile of the plane.
+    /// With stamps or footprints: the number of the weights for the first tile of the plane.
     stamps: Box<[i32]>,
-    /// Without stamps: where the voxel is on the plane.
+    /// In a perspective: where the voxel is on the plane.
     places: Box<[Place]>,
 }
 
@@ -67,6 +71,7 @@ impl Slab {
             enough: ENOUGH[0],
             count: 0,
             tiles: zeroed(room)?,
+            rows: zeroed(room)?,
             looks: zeroed(room)?,
             stamps: zeroed(room)?,
             places: zeroed(room)?,
@@ -118,6 +123,22 @@ impl Slab {
         self.looks_of(voxels)
     }
 
+    /// Adds the splats of a block's voxels, of the last slice, whose weights are footprints; returns where their looks are to
+    /// be put.
+    #[inline(always)]
+    pub(super) fn add_footprints(
+        &mut self,
+        voxels: &VoxelBlock,
+        lane: &Lane,
+        slice: &Slice,
+        footprints: &Footprints,
+    ) -> &mut [[f32; 4]] {
+        let range = self.count..self.count + BLOCK;
+        let tiles = [&mut self.tiles[range.clone()], &mut self.rows[range.clone()]];
+        footprints.place_block(voxels, lane, slice, &mut self.stamps[range], tiles);
+        self.looks_of(voxels)
+    }
+
     /// Adds the splats of a block's voxels, of the last slice, which are at `positions`; returns where their looks are to be
     /// put.
     #[inline(always)]
@@ -129,7 +150,8 @@ impl Slab {
         slice: &Slice,
     ) -> &mut [[f32; 4]] {
         let range = self.count..self.count + BLOCK;
-        lattice.set_places(slice, positions, &mut self.places[range.clone()], &mut self.tiles[range]);
+        let tiles = [&mut self.tiles[range.clone()], &mut self.rows[range.clone()]];
+        lattice.set_places(slice, positions, &mut self.places[range], tiles);
         self.looks_of(voxels)
     }
 
@@ -156,6 +178,12 @@ impl Slab {
     #[inline(always)]
     pub(super) fn tiles(&self, line: &Line) -> &[Tiles] {
         &self.tiles[line.splats[0] as usize..line.splats[1] as usize]
+    }
+
+    /// Returns which rows of tiles they reach, without stamps.
+    #[inline(always)]
+    pub(super) fn rows(&self, line: &Line) -> &[Tiles] {
+        &self.rows[line.splats[0] as usize..line.splats[1] as usize]
     }
 
     #[inline(always)]

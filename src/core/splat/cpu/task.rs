@@ -6,6 +6,7 @@
 use std::time::{Duration, Instant};
 
 use super::blend::{Additive, Blend};
+use super::footprints::Footprints;
 use super::front::Front;
 use super::gather::Band;
 use super::lattice::Lattice;
@@ -114,8 +115,9 @@ impl<'a> DrawTask<'a> {
         let transmits = B::INITIAL_ALPHA > 0.0;
         let settings = &Settings { size: lattice.size, ..self.settings.clone() };
         let shown = lattice.shown(self.front);
+        let footprints = Footprints::new(lattice, &self.projector);
         if self.settings.code == Code::Plain {
-            let bands = [plain::draw_on_lattice::<B>(self, lattice, &shown)?];
+            let bands = [plain::draw_on_lattice::<B>(self, lattice, footprints.as_ref(), &shown)?];
             let mut frame = Frame::transparent(lattice.size)?;
             combine(&bands, settings, &mut frame, |pixel, [red, green, blue, alpha]| {
                 *pixel = [red, green, blue, if transmits { 1.0 - alpha } else { alpha }];
@@ -127,11 +129,12 @@ impl<'a> DrawTask<'a> {
         // a band's border is read twice, and each band computes stamps.
         let each = if settings.threads == 1 { 32 } else { (rows / (3 * settings.threads)).clamp(8, 32) };
         let looks = LookTables::new(&self.projector, lattice.tile([0, 0]).strength);
+        let tables = (looks.as_ref(), footprints.as_ref());
         let (mut frame, mut stats) = (Frame::transparent(lattice.size)?, BandStats::default());
         let level = dispatch::level(settings.code);
         let draw = |band: &mut _, index: usize| {
             let rows = [each * index, rows.min(each * (index + 1))].map(|row| row as i32);
-            gather::draw::<B>(self, Band::of(band, self, lattice, looks.as_ref(), each)?, &shown, rows)
+            gather::draw::<B>(self, Band::of(band, self, lattice, tables, each)?, &shown, rows)
         };
         in_order(
             rows.div_ceil(each),
