@@ -2,6 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use adjsplat::splat::Sampling;
 use adjsplat::splat::gpu::adapter::{self, AdapterFacts};
 use adjsplat::splat::gpu::{GpuOptions, GpuRenderer};
 use numpy::PyArray3;
@@ -69,7 +70,7 @@ impl Device {
             ));
         }
         let camera = self::camera(camera)?;
-        let settings = model.settings(py, &look, &camera, max_error)?;
+        let settings = model.settings(py, &look, &camera, max_error, Some(Sampling::Finer))?;
         let drawn = py.detach(|| {
             let mut loaded = self.loaded.lock().unwrap_or_else(PoisonError::into_inner);
             loaded.with_dependent_mut(|_, renderer| renderer.render(&camera, &settings))

@@ -85,16 +85,19 @@ pub(crate) fn picture<'py>(py: Python<'py>, frame: &Frame) -> PyResult<Bound<'py
 }
 
 impl Model {
-    /// Returns the settings of `look`; the fastest within `max_error`, if that is given.
+    /// Returns the settings of `look`; the fastest within `max_error`, if that is given. A renderer that draws one sampling
+    /// only, whatever the settings say, gives it.
     pub(crate) fn settings(
         &self,
         py: Python<'_>,
         look: &Look,
         camera: &Camera,
         max_error: Option<f64>,
+        only_sampling: Option<Sampling>,
     ) -> PyResult<Settings> {
-        let settings = look.settings()?;
+        let mut settings = look.settings()?;
         let Some(bound) = max_error else { return Ok(settings) };
+        settings.sampling = only_sampling;
         let raised = Raised::default();
         let chosen = py.detach(|| {
             let go_on = || raised.may_go_on();
@@ -134,7 +137,7 @@ pub(crate) fn render<'py>(
     max_error: Option<f64>,
 ) -> PyResult<Bound<'py, PyArray3<f32>>> {
     let camera = self::camera(camera)?;
-    let settings = model.settings(py, &look, &camera, max_error)?;
+    let settings = model.settings(py, &look, &camera, max_error, None)?;
     let frame = py.detach(|| model.0.render(&camera, &settings)).map_err(exception)?;
     picture(py, &frame)
 }

@@ -16,9 +16,10 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::{IN_FLIGHT, level_kernel};
 use adjsplat::splat::cpu;
 use adjsplat::splat::cpu::Canvas;
-use adjsplat::splat::{Blending, Camera, Lanes, Sampling, Settings, View};
+use adjsplat::splat::{Blending, Camera, Lanes, Settings, View};
 use adjsplat::traverse::{Order, VoxelBox};
 use adjsplat::volume::Axis;
+use adjsplat_judge::dial::RUNGS;
 use adjsplat_pictures::{PictureKind, SampleDepth};
 
 /// Memory that the program takes before it draws: code, stacks, the allocator's slack. Measured: 7 to 10 MiB.
@@ -45,7 +46,8 @@ pub(super) struct MemoryShares {
 }
 
 impl MemoryShares {
-    /// Divides `memory` bytes for pictures with `settings`, for the largest need among `samplings`.
+    /// Divides `memory` bytes for pictures with `settings`; if `is_chosen`, for all settings that the dial tries, which
+    /// holds one picture more.
     ///
     /// # Errors
     /// [`Error::Input`] if not even one thread fits; it says how much memory is enough.
@@ -53,13 +55,16 @@ impl MemoryShares {
         memory: u64,
         arena: &Arena,
         settings: &Settings,
-        samplings: &[Sampling],
+        is_chosen: bool,
         kind: PictureKind,
         depth: SampleDepth,
         cameras: &[Camera],
     ) -> Result<MemoryShares> {
         let frames = u32::try_from(cameras.len()).expect("frames are counted in 32 bits");
         let drawn = drawn(arena, settings.level);
+        let mut samplings =
+            if is_chosen { RUNGS.map(|rung| rung.sampling).to_vec() } else { vec![settings.sampling()] };
+        samplings.dedup();
         // Each way to draw, with the grid points and the tiles of what is drawn.
         let mut canvases = Vec::new();
         for (level, arena) in &drawn {
@@ -67,7 +72,7 @@ impl MemoryShares {
             let tiles = arena.lanes().map(|lane| lane.tiles.len() as u64).max().unwrap_or(0);
             canvases.push((Canvas::Picture, grid.dims, tiles));
             let Some((low, high)) = arena.lanes().next().and_then(|lane| lane.bounds()) else { continue };
-            for &sampling in samplings {
+            for &sampling in &samplings {
                 let kernel = level_kernel(settings.kernel(), *level);
                 let settings = settings.clone().with_kernel(kernel).with_sampling(sampling);
                 for camera in cameras {
@@ -79,12 +84,13 @@ impl MemoryShares {
         let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
         // A picture of coarser levels is put together from parts, with four bytes a pixel for what those in front hide.
         let parts = if drawn.iter().all(|(level, _)| *level == 0) { 0 } else { pixels * (PIXEL + 4) };
+        let measuring = if is_chosen { pixels * PIXEL } else { 0 };
         let base = BASE.max(resident_bytes().unwrap_or(0) + GROWTH);
         let need = |threads: usize| {
             let settings = settings.clone().with_threads(threads);
             let drawing =
                 canvases.iter().map(|&(canvas, dims, tiles)| cpu::memory_need(dims, tiles, canvas, &settings));
-            let drawing = drawing.max().unwrap_or(0).saturating_add(parts);
+            let drawing = drawing.max().unwrap_or(0).saturating_add(parts + measuring);
             // The frame is freed before its picture is encoded.
             let writing = kind.memory(depth, pixels);
             let in_flight = IN_FLIGHT * threads as u64;

@@ -36,7 +36,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput, arena_bytes, check_writable, open_rows, scratch_folder};
 use adjsplat::internals::{description, drawable};
 use adjsplat::limits::Limits;
-use adjsplat::splat::{Camera, Outline, Sampling, Scene, Settings};
+use adjsplat::splat::{Camera, Outline, Scene, Settings};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::Axis;
 use adjsplat_judge::dial;
@@ -227,12 +227,7 @@ impl RenderJob<'_> {
         let Some(memory) = self.memory else {
             return draw(self, settings, &cameras, BoundedLanes::new(file.arena()?, None, None), transfer);
         };
-        let mut samplings = match self.arguments.look.max_error {
-            Some(_) => dial::RUNGS.map(|rung| rung.sampling).to_vec(),
-            None => vec![settings.sampling()],
-        };
-        samplings.dedup();
-        let shares = self.shares(memory, &file.arena()?, &mut settings, &samplings, &cameras)?;
+        let shares = self.shares(memory, &file.arena()?, &mut settings, &cameras)?;
         settings.threads = shares.threads;
         let file = file.keep_resident_below(shares.resident)?;
         draw(self, settings, &cameras, BoundedLanes::new(file.arena()?, self.memory, Some(shares.derived)), transfer)
@@ -240,17 +235,11 @@ impl RenderJob<'_> {
 
     /// Divides `memory`. With `--fit`, where the picture does not fit, it does so for the finest level that fits, which it
     /// sets in `settings` and names.
-    fn shares(
-        &self,
-        memory: u64,
-        arena: &Arena,
-        settings: &mut Settings,
-        samplings: &[Sampling],
-        cameras: &[Camera],
-    ) -> Result<MemoryShares> {
+    fn shares(&self, memory: u64, arena: &Arena, settings: &mut Settings, cameras: &[Camera]) -> Result<MemoryShares> {
         let depth = self.arguments.look.bits;
+        let is_chosen = self.arguments.look.max_error.is_some();
         let divide =
-            |settings: &Settings| MemoryShares::divide(memory, arena, settings, samplings, self.kind, depth, cameras);
+            |settings: &Settings| MemoryShares::divide(memory, arena, settings, is_chosen, self.kind, depth, cameras);
         let fits = |shares: &Result<MemoryShares>| match shares {
             Ok(shares) => shares.has_lanes(arena, settings, cameras),
             Err(_) => Ok(false),
@@ -385,6 +374,7 @@ fn draw(
         let go_on = || !interrupted();
         // Memory was divided for the lanes of the voxels.
         settings.level = if memory.is_some() { Some(0) } else { settings.level };
+        settings.sampling = renderer.only_sampling();
         let rounding = if is_volume { dial::rounding(&scene, cameras, &settings, go_on)? } else { 0.0 };
         // A bound below 0 stays one, which the dial refuses.
         let left = if rounding > bound && bound >= 0.0 { 0.0 } else { bound - rounding };

@@ -17,7 +17,7 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::level_parts;
-use adjsplat::splat::{Blending, Camera, Frame, Scene, Settings, cpu};
+use adjsplat::splat::{Blending, Camera, Frame, Sampling, Scene, Settings, cpu};
 use adjsplat_judge::reference::Judge;
 
 /// The flags that choose a renderer.
@@ -250,6 +250,11 @@ impl<'a> Renderer<'a> {
             Renderer::Gpu(_) => "gpu",
             Renderer::Reference(_) => "reference",
         }
+    }
+
+    /// Returns the sampling that a graphics device draws, whatever the settings say; `None` for other renderers.
+    pub(super) fn only_sampling(&self) -> Option<Sampling> {
+        self.adapter().map(|_| Sampling::Finer)
     }
 
     /// Returns the graphics device's name; `None` for other renderers.

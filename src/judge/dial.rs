@@ -1,13 +1,15 @@
 //! The dial: chooses the fastest settings whose error is within a bound.
 //!
 //! In: a scene, the cameras of the pictures that will be drawn, and a bound on the error. Out: settings, and the
-//! largest error measured with them. The dial assumes nothing about the scene. It takes small *windows* (parts) of some
-//! of the pictures, at their own magnification. It draws them with [`Quality::Reference`] and with each candidate,
-//! fastest first.
+//! largest error measured with them. The dial assumes nothing about the scene. It draws whole pictures, those of up to
+//! three cameras: the voxels as exactly as [`Quality::Reference`] does, then each candidate, fastest first.
 //!
 //! ```text
-//! cameras -> windows -> reference, then rung after rung: largest difference * CAUTION <= bound? -> settings
+//! for each camera: exact picture; while largest difference from it * caution > bound: next candidate
 //! ```
+//!
+//! With one camera the picture that is measured is the one that will be drawn, and the bound is kept. With several, the
+//! errors of pictures that were not measured may be larger: [`CAUTION`] stands for them.
 //!
 //! If a draft would draw level of detail L, or a coarser one, everywhere, levels L to 1 are tried before the settings, the
 //! coarsest first. Every error is the difference from a picture of the voxels themselves.
@@ -21,7 +23,7 @@
 
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::level_parts;
-use adjsplat::splat::{Camera, Frame, KernelShape, Projection, Quality, Sampling, Scene, Settings, View, cpu};
+use adjsplat::splat::{Camera, Frame, KernelShape, Quality, Sampling, Scene, Settings, cpu};
 
 /// One of the candidates that the dial chooses from: the settings that make a picture faster or more exact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,14 +54,18 @@ pub const RUNGS: [Rung; 9] = [
     rung(4.2, 0.0, Sampling::Finer),
 ];
 
-/// The factor on errors measured in windows: whole pictures have more pixels than windows, and a turn has more views.
-pub const CAUTION: f64 = 2.0;
-/// The side of a window, in pixels.
-const WINDOW: u32 = 96;
-/// The largest number of cameras that windows are taken from.
-const CAMERAS: usize = 4;
-/// Centres of windows, as fractions of the part of a picture that shows the volume.
-const PLACES: [[f64; 2]; 5] = [[0.5, 0.5], [0.22, 0.3], [0.75, 0.22], [0.8, 0.74], [0.27, 0.78]];
+/// The factor on errors measured with some of several cameras: the pictures of the others may have larger errors.
+/// Measured on turns: docs/studies/0003-accuracy.md.
+pub const CAUTION: f64 = 3.0;
+/// The largest number of cameras whose pictures are measured. Thirds of a turn: its quarters often look along the axes of
+/// the grid, where errors are not those of other views.
+const CAMERAS: usize = 3;
+/// The transmittance at which the rays of exact pictures end: these differ by about as much from pictures with
+/// [`Quality::Reference`], whose rays do not end, and take a quarter to a half of the time.
+const TERMINATION: f32 = 1e-6;
+/// The part of a bound that is left for what is not measured: the rays' ends, rounding to 16 bits, and the arithmetic of
+/// graphics devices.
+const ROUNDING: f64 = 1e-4;
 
 /// The settings that the dial chose, and their error.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,19 +74,20 @@ pub struct Choice {
     pub settings: Settings,
     /// The index of the chosen rung in [`RUNGS`].
     pub rung: usize,
-    /// The largest error measured with these settings, before multiplication by [`CAUTION`].
+    /// The largest error measured, before multiplication by [`CAUTION`].
     pub measured: f64,
 }
 
 impl Rung {
-    /// Returns `settings` with this rung's kernel, termination and sampling, for the voxels themselves.
+    /// Returns `settings` with this rung's kernel and termination, for the voxels themselves, and with its sampling unless
+    /// `settings` have one.
     pub fn applied(&self, settings: &Settings) -> Settings {
         settings
             .clone()
             .with_quality(Quality::Reference)
             .with_kernel(self.kernel)
             .with_termination(self.termination)
-            .with_sampling(self.sampling)
+            .with_sampling(settings.sampling.unwrap_or(self.sampling))
             .with_level(0)
     }
 }
@@ -88,12 +95,16 @@ impl Rung {
 /// The rung that coarser levels of detail are tried with: that of standard quality.
 const RUNG_OF_LEVELS: usize = 2;
 
-/// Chooses the fastest of [`RUNGS`] whose error is within `bound`. The error is measured in windows of the pictures of
-/// some of the `cameras`, then multiplied by [`CAUTION`]. Coarser levels of detail come first; if `settings.level` is
-/// given, the voxels themselves are drawn.
+/// Chooses the fastest of [`RUNGS`] whose error is within `bound`. If there is one camera, the error is that of its
+/// picture. If there are several, it is the largest of up to three of their pictures, multiplied by [`CAUTION`].
 ///
-/// Takes about as long as two pictures with [`Quality::Reference`], however many cameras there are: several times as
-/// long as a picture with the settings that are chosen. If `go_on` returns false, the search stops.
+/// Coarser levels of detail come first; if `settings.level` is given, the voxels themselves are drawn. If
+/// `settings.sampling` is given, all candidates have it. A graphics device draws [`Sampling::Finer`], so give that if the
+/// pictures are for one; they differ from the processor's by rounding.
+///
+/// For one camera it takes 0.2 to 1.1 times as long as a picture with [`Quality::Reference`] if most voxels are opaque, up
+/// to 2.5 times as long if they are not; for several cameras, 1 to 5 times as long.
+/// Memory: that of [`cpu::render`], and one more frame. If `go_on` returns false, the search stops.
 ///
 /// # Errors
 /// [`Error::Input`] if `bound` is not finite and at least 0, or there is no camera; [`Error::Interrupted`] if `go_on`
@@ -111,28 +122,33 @@ pub fn choose(
     if cameras.is_empty() {
         return Err(Error::input("cameras", "are none; the dial needs a view"));
     }
-    let settings_of = |rung: usize| RUNGS[rung].applied(settings);
-    let last = RUNGS.len() - 1;
-    let reference = settings_of(last);
-    let windows = windows(scene, cameras, &reference)?;
-    let draw = |settings: &Settings, window: &Window| window.draw(scene, settings, &go_on);
-    let right = windows.iter().map(|window| draw(&reference, window)).collect::<Result<Vec<_>>>()?;
+    let caution = if cameras.len() > 1 { CAUTION } else { 1.0 };
+    let allowed = bound / caution - ROUNDING;
     let levels = coarsest_level(scene, cameras, settings)?;
     let of_levels = (1..=levels).rev().map(|level| (RUNG_OF_LEVELS, level));
-    for (rung, level) in of_levels.chain((0..last).map(|rung| (rung, 0))) {
-        let settings = settings_of(rung).with_level(level);
-        let mut measured = 0.0;
-        for (window, right) in windows.iter().zip(&right) {
-            measured = largest_difference(right, &draw(&settings, window)?).max(measured);
-            if measured * CAUTION > bound {
+    let last = RUNGS.len() - 1;
+    let mut candidates = of_levels.chain((0..last).map(|rung| (rung, 0)));
+    let applied = |(rung, level): (usize, usize)| RUNGS[rung].applied(settings).with_level(level);
+    let mut candidate = candidates.next().filter(|_| allowed >= 0.0);
+    let mut measured = 0.0f64;
+    for camera in picked(cameras) {
+        if candidate.is_none() {
+            break;
+        }
+        let exact = draw(scene, camera, &exact(settings), &go_on)?;
+        while let Some(settings) = candidate.map(applied) {
+            let error = largest_difference(&exact, &draw(scene, camera, &settings, &go_on)?);
+            if error <= allowed {
+                measured = measured.max(error);
                 break;
             }
-        }
-        if measured * CAUTION <= bound {
-            return Ok(Choice { settings, rung, measured });
+            candidate = candidates.next();
         }
     }
-    Ok(Choice { settings: reference, rung: last, measured: 0.0 })
+    Ok(match candidate {
+        Some(chosen) => Choice { settings: applied(chosen), rung: chosen.0, measured },
+        None => Choice { settings: applied((last, 0)), rung: last, measured: 0.0 },
+    })
 }
 
 /// Returns the coarsest level of detail that a draft would draw everywhere in the pictures of all `cameras`.
@@ -149,11 +165,11 @@ fn coarsest_level(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Res
     Ok(coarsest)
 }
 
-/// Returns the largest change of the pictures if every gradient magnitude is half a code higher or lower: what rounding
+/// Returns the largest change of pictures if every gradient magnitude is half a code higher or lower: what rounding
 /// magnitudes to codes can do. 0 if the scene's opacities do not depend on magnitudes.
 ///
-/// Measured in windows, like the error of [`choose`], and not multiplied by [`CAUTION`]: roundings go both ways, and these
-/// all go one way. Takes about as long as [`choose`]. If `go_on` returns false, it stops.
+/// Measured in whole pictures, like the error of [`choose`], and not multiplied by [`CAUTION`]: roundings go both ways, and
+/// these all go one way. Takes about as long as [`choose`]. If `go_on` returns false, it stops.
 ///
 /// # Errors
 /// [`Error::Interrupted`] if `go_on` returns false; the errors of [`cpu::render`].
@@ -162,16 +178,15 @@ pub fn rounding(scene: &Scene, cameras: &[Camera], settings: &Settings, go_on: i
     if !has_codes || settings.mode.is_maximum() {
         return Ok(0.0);
     }
-    let settings = RUNGS[RUNGS.len() - 1].applied(settings);
-    let windows = windows(scene, cameras, &settings)?;
-    let right = windows.iter().map(|window| window.draw(scene, &settings, &go_on)).collect::<Result<Vec<_>>>()?;
+    let settings = exact(settings);
     let mut most = 0.0;
-    for half_code in [-HALF_CODE, HALF_CODE] {
-        let mut facts = scene.facts.clone();
-        facts.scales.magnitude_scale = (facts.scales.magnitude_scale * half_code.exp2()).min(f64::MAX);
-        let moved = Scene { facts: &facts, ..*scene };
-        for (window, right) in windows.iter().zip(&right) {
-            most = largest_difference(right, &window.draw(&moved, &settings, &go_on)?).max(most);
+    for camera in picked(cameras) {
+        let exact = draw(scene, camera, &settings, &go_on)?;
+        for half_code in [-HALF_CODE, HALF_CODE] {
+            let mut facts = scene.facts.clone();
+            facts.scales.magnitude_scale = (facts.scales.magnitude_scale * half_code.exp2()).min(f64::MAX);
+            let moved = Scene { facts: &facts, ..*scene };
+            most = largest_difference(&exact, &draw(&moved, camera, &settings, &go_on)?).max(most);
         }
     }
     Ok(most)
@@ -180,77 +195,22 @@ pub fn rounding(scene: &Scene, cameras: &[Camera], settings: &Settings, go_on: i
 /// Half the distance of two codes of gradient magnitudes, in octaves.
 const HALF_CODE: f64 = 1.0 / 32.0;
 
-/// A window (part of a picture) with a camera that draws only this part.
-struct Window {
-    camera: Camera,
-    size: [u32; 2],
+/// Returns the settings of exact pictures, with which others are compared.
+fn exact(settings: &Settings) -> Settings {
+    RUNGS[RUNGS.len() - 1].applied(settings).with_termination(TERMINATION)
 }
 
-impl Window {
-    fn draw(&self, scene: &Scene, settings: &Settings, go_on: impl Fn() -> bool) -> Result<Frame> {
-        if !go_on() {
-            return Err(Error::Interrupted);
-        }
-        Ok(cpu::render(scene, &self.camera, &settings.clone().with_size(self.size))?.0)
+/// Returns the cameras whose pictures are measured, evenly spaced.
+fn picked(cameras: &[Camera]) -> impl Iterator<Item = &Camera> {
+    let count = cameras.len().min(CAMERAS);
+    (0..count).map(move |index| &cameras[index * cameras.len() / count])
+}
+
+fn draw(scene: &Scene, camera: &Camera, settings: &Settings, go_on: impl Fn() -> bool) -> Result<Frame> {
+    if !go_on() {
+        return Err(Error::Interrupted);
     }
-}
-
-/// Returns windows on the volume, from evenly spaced cameras of `cameras`.
-fn windows(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<Vec<Window>> {
-    let mut windows = Vec::new();
-    let picked = cameras.len().min(CAMERAS);
-    for camera in (0..picked).map(|index| &cameras[index * cameras.len() / picked]) {
-        let view = View::new(camera, &scene.facts.grid, settings.size, settings.kernel(), settings.near)?;
-        let shown = shown(scene, &view, settings)?;
-        for [across, down] in PLACES {
-            let [[left, top], [right, bottom]] = shown;
-            let centre = [left + across * (right - left), top + down * (bottom - top)];
-            windows.push(camera_window(camera, settings.size, centre)?);
-        }
-    }
-    Ok(windows)
-}
-
-/// Returns the first and last column and the first and last row that show the volume; of the whole picture if none
-/// does.
-fn shown(scene: &Scene, view: &View, settings: &Settings) -> Result<[[f64; 2]; 2]> {
-    let [columns, rows] = settings.size.map(f64::from);
-    let lane = scene.lanes.lane(adjsplat::volume::Axis::X)?;
-    let bounds = lane.bounds().and_then(|(low, high)| {
-        let bounds = settings.crop.unwrap_or(adjsplat::traverse::VoxelBox { low, high });
-        view.pixel_bounds(&bounds, [0.0; 2])
-    });
-    let [left, right, top, bottom] = bounds.unwrap_or([0.0, columns, 0.0, rows]);
-    let within = |at: f64, side: f64| at.clamp(0.0, side - 1.0);
-    Ok([[within(left, columns), within(top, rows)], [within(right, columns), within(bottom, rows)]])
-}
-
-/// Returns the window around the pixel `centre`, at the picture's magnification; a perspective camera turns to the
-/// pixel.
-fn camera_window(camera: &Camera, picture: [u32; 2], centre: [f64; 2]) -> Result<Window> {
-    let [columns, rows] = picture.map(f64::from);
-    let size = picture.map(|side| side.min(WINDOW));
-    // Whole pixels, so that the window's pixels coincide with the picture's.
-    let from_middle = |at: f64, side: f64, window: u32| {
-        let first = (at - f64::from(window) / 2.0).round().clamp(0.0, side - f64::from(window));
-        first + f64::from(window) / 2.0 - side / 2.0
-    };
-    let across = from_middle(centre[0], columns, size[0]);
-    let up = -from_middle(centre[1], rows, size[1]);
-    let part = f64::from(size[1]) / rows;
-    let camera = match camera.projection() {
-        Projection::Parallel { height } => {
-            let pixel = height / rows;
-            camera.moved([across * pixel, up * pixel], Projection::Parallel { height: height * part })
-        }
-        Projection::Perspective { fov } => {
-            let tangent = (fov.to_radians() / 2.0).tan();
-            let pixel = 2.0 * tangent / rows;
-            let fov = 2.0 * (tangent * part).atan().to_degrees();
-            camera.moved([across * pixel, up * pixel], Projection::Perspective { fov })
-        }
-    }?;
-    Ok(Window { camera, size })
+    Ok(cpu::render(scene, camera, settings)?.0)
 }
 
 fn largest_difference(a: &Frame, b: &Frame) -> f64 {

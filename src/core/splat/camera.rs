@@ -320,28 +320,6 @@ impl Camera {
         self.projection
     }
 
-    /// Returns this camera with another middle of the picture, and a new `projection` of the same kind.
-    ///
-    /// A parallel camera moves to the right and up by two world lengths. A perspective one turns to a ray, given by its
-    /// tangents to the right and up.
-    ///
-    /// # Errors
-    /// The errors of [`Camera::new`].
-    pub fn moved(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
-        let [right_axis, up_axis, forward] = self.axes();
-        let (position, target) = match self.projection {
-            Projection::Parallel { .. } => {
-                let shift = right_axis * right + up_axis * up;
-                (self.position + shift, self.target + shift)
-            }
-            Projection::Perspective { .. } => {
-                let distance = (self.target - self.position).length();
-                (self.position, self.position + (forward + right_axis * right + up_axis * up) * distance)
-            }
-        };
-        Camera::new(position.to_array(), target.to_array(), self.up.to_array(), projection)
-    }
-
     /// Returns unit world vectors to the picture's right, to its top, and forward along the view.
     pub fn axes(&self) -> [DVec3; 3] {
         let forward = (self.target - self.position).normalize();
