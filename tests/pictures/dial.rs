@@ -67,7 +67,7 @@ fn the_error_of_a_few_voxels_in_a_corner_of_the_picture_counts() {
 
 #[test]
 fn a_bound_is_kept_by_all_pictures_of_a_turn() {
-    // Two of the cameras look along axes of the grid, where a lattice of noise has less than a tenth of the error.
+    // The dial measures a few of the pictures; some of this turn look along axes of the grid, where errors are others.
     let size = [120, 120];
     let settings = Settings::new(size).with_threads(1);
     for name in ["noise", "shells"] {
