@@ -182,7 +182,7 @@ class Renderer:
         if max_error is not None and (quality, sampling) != ("standard", None):
             raise ValueError("max_error chooses quality and sampling; leave these out")
         if max_error is not None and level:
-            raise ValueError("max_error draws the voxels themselves, level 0; leave level out")
+            raise ValueError("max_error chooses the level; leave it out, or give 0 for the voxels themselves")
         max_error = optional_number("max_error", max_error)
         dtype = np.dtype(dtype)
         if dtype not in (np.dtype(np.float32), np.dtype(np.uint8)):
@@ -294,8 +294,8 @@ def render(
 
     The look: `transfer` in place of the model's own; `mode` is "composite", "maximum", "maximum-grey" or "xray"; `quality`
     is "draft", "standard", "high" or "reference", and `sampling` "fewest", "enough", "every" or "finer"; `max_error`
-    chooses both: the first of nine settings, from fast to slow, whose measured error (of a linear sample from 0 to 1) is
-    within it. `lighting=False` leaves out the light; `exposure` is the brightness of "xray"; `sharpness` is from 0 to 1.
+    chooses both, and the level: the first of the file's levels that suit the picture, then of nine settings from fast to
+    slow, whose measured error (of a linear sample from 0 to 1) is within it. Choosing may take longer than drawing. `lighting=False` leaves out the light; `exposure` is the brightness of "xray"; `sharpness` is from 0 to 1.
     `crop` is an index such as `np.s_[10:50]`; `clip` a point and a normal in the world, ((x, y, z), (x, y, z)), of the plane
     in front of which voxels are drawn. `level` is the level of detail to draw, 0 for the voxels themselves; without, "draft"
     and "standard" draw the coarsest levels of the file that suit the picture. `background` is a colour; without one the
