@@ -295,7 +295,8 @@ def render(
     The look: `transfer` in place of the model's own; `mode` is "composite", "maximum", "maximum-grey" or "xray"; `quality`
     is "draft", "standard", "high" or "reference", and `sampling` "fewest", "enough", "every" or "finer"; `max_error`
     chooses both, and the level: the first of the file's levels that suit the picture, then of nine settings from fast to
-    slow, whose measured error (of a linear sample from 0 to 1) is within it. Choosing may take longer than drawing. `lighting=False` leaves out the light; `exposure` is the brightness of "xray"; `sharpness` is from 0 to 1.
+    slow, whose measured error (of a linear sample from 0 to 1) is within it. Choosing may take longer than drawing.
+    `lighting=False` leaves out the light; `exposure` is the brightness of "xray"; `sharpness` is from 0 to 1.
     `crop` is an index such as `np.s_[10:50]`; `clip` a point and a normal in the world, ((x, y, z), (x, y, z)), of the plane
     in front of which voxels are drawn. `level` is the level of detail to draw, 0 for the voxels themselves; without, "draft"
     and "standard" draw the coarsest levels of the file that suit the picture. `background` is a colour; without one the
