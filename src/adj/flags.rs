@@ -2,8 +2,6 @@
 //!
 //! In: an error of the libraries, which do not know flags. Out: one line that names the flag to change.
 
-use std::error::Error as _;
-
 use adjsplat::error::Error;
 
 /// Names of values in library errors that are also the names of their flags.
@@ -53,21 +51,14 @@ const MORE_ADVICE: [(&str, &str); 12] = [
 
 /// Returns the error and its causes in one line, with the flag of the value that is wrong.
 pub(super) fn one_line(error: &Error) -> String {
-    let mut line = match error {
+    match error {
         Error::Input { what, why } => match FLAGS.iter().find(|(name, _)| name == what) {
             Some((_, flag)) => format!("{flag}: {why}"),
             None if SAME_NAME.split(' ').any(|name| name == what) => format!("--{what}: {why}"),
-            None => error.to_string(),
+            None => error.with_causes(),
         },
-        _ => error.to_string(),
-    };
-    let mut source = error.source();
-    while let Some(cause) = source {
-        line.push_str(": ");
-        line.push_str(&cause.to_string());
-        source = cause.source();
+        _ => error.with_causes(),
     }
-    line
 }
 
 /// Returns a message or note of the libraries, in which advice names flags.

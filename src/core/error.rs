@@ -90,6 +90,12 @@ impl FormatFault {
 }
 
 impl Error {
+    /// Returns the message with those of its causes, in one line.
+    pub fn with_causes(&self) -> String {
+        let causes = std::iter::successors(std::error::Error::source(self), |cause| cause.source());
+        causes.fold(self.to_string(), |line, cause| format!("{line}: {cause}"))
+    }
+
     /// Returns a closure for `map_err` that creates an [`Error::Io`]: `action` (a verb) on `path` failed.
     pub fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Error {
         let path = path.to_path_buf();

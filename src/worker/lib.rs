@@ -64,12 +64,11 @@ fn read(file: &File, name: &str) -> Result<Vec<u8>> {
 
 /// Returns an error with its causes in one line, in which files are called by their names without `folder`.
 fn sentence(fault: &Error, folder: &str) -> JsError {
-    let causes = std::iter::successors(std::error::Error::source(fault), |cause| cause.source());
     let text = match fault {
         Error::Io { path, source, .. } if source.kind() == ErrorKind::NotFound => {
             format!("{} is missing; open it together with this file", path.display())
         }
-        _ => causes.fold(fault.to_string(), |text, cause| format!("{text}: {cause}")),
+        _ => fault.with_causes(),
     };
     JsError::new(&text.replace(folder, ""))
 }

@@ -325,11 +325,5 @@ const ADVICE: [(&str, &str); 5] = [
 
 /// Returns an error with its cause, in one line.
 fn full(fault: &Error) -> String {
-    let mut text = fault.to_string();
-    let mut cause = std::error::Error::source(fault);
-    while let Some(inner) = cause {
-        text = format!("{text}: {inner}");
-        cause = inner.source();
-    }
-    ADVICE.iter().fold(text, |text, (option, flag)| text.replace(option, flag))
+    ADVICE.iter().fold(fault.with_causes(), |text, (option, flag)| text.replace(option, flag))
 }
