@@ -32,6 +32,7 @@ pub enum Place {
     /// In memory, under this name.
     Bytes(String, Arc<Vec<u8>>),
     /// On this machine: the slices of one volume.
+    #[cfg(not(target_arch = "wasm32"))]
     Slices(Vec<PathBuf>),
     /// Chosen in a browser, or dropped onto a page.
     #[cfg(target_arch = "wasm32")]
@@ -79,6 +80,7 @@ impl Place {
                 shortened(&decoded(path.rsplit('/').next().unwrap_or_default()))
             }
             Place::Bytes(name, _) => name.clone(),
+            #[cfg(not(target_arch = "wasm32"))]
             Place::Slices(paths) => {
                 several(paths.first().map_or_else(String::new, |path| file_name(path)), paths.len())
             }
@@ -309,8 +311,6 @@ async fn open(place: &Place, progress: &Progress, context: &Context) -> Result<O
         Place::Bytes(name, bytes) => (model_of(name, bytes.to_vec())?, true),
         #[cfg(not(target_arch = "wasm32"))]
         Place::Slices(paths) => (crate::local::build(paths, progress, context)?, false),
-        #[cfg(target_arch = "wasm32")]
-        Place::Slices(_) => return Err(Error::input(place.name(), "are on no server")),
         #[cfg(target_arch = "wasm32")]
         Place::Chosen(chosen) => return crate::fetch::open_chosen(place, chosen, progress, context).await,
     };
