@@ -22,24 +22,19 @@ import time
 
 import numpy as np
 
-SIZE = (1280, 720)
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "tests"))
+from view_window import SIZE, Screen  # noqa: E402
+
 CROSS = (slice(590, 680), slice(0, 70))  # rows and columns of the axis cross
 VIEW = (slice(60, 580), slice(0, 940))  # of the volume
 PATIENCE = 60  # seconds
 
 
-class Screen:
-    """A display in memory, which is read without asking it."""
+class ReadScreen(Screen):
+    """A display that is read from its memory, and whose mouse needs no new process for a move."""
 
     def __init__(self, folder):
-        read, write = os.pipe()
-        command = ["Xvfb", "-displayfd", str(write), "-screen", "0", f"{SIZE[0]}x{SIZE[1]}x24", "-fbdir", folder,
-                   "-nolisten", "tcp"]  # fmt: skip
-        self.server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
-        os.close(write)
-        with os.fdopen(read) as number:
-            self.environment = dict(os.environ, DISPLAY=f":{number.readline().strip()}")
-        self.environment.pop("WAYLAND_DISPLAY", None)
+        super().__init__("-fbdir", folder)
         # The format of xwd: words of a head, the colours of a table, rows of pixels.
         with open(os.path.join(folder, "Xvfb_screen0"), "rb") as file:
             memory = mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ)
@@ -48,14 +43,13 @@ class Screen:
         self.pixels = np.ndarray((SIZE[1], SIZE[0]), np.uint32, memory, start, (row, 4))
         self.mouse = subprocess.Popen(["xdotool", "-"], stdin=subprocess.PIPE, text=True, env=self.environment)
 
-    def do(self, words):
+    def move(self, words):
         self.mouse.stdin.write(words + "\n")
         self.mouse.stdin.flush()
 
     def end(self):
         self.mouse.terminate()
-        self.server.terminate()
-        self.server.wait()
+        super().end()
 
 
 def wait(what, holds):
@@ -70,7 +64,7 @@ def wait(what, holds):
 def answers(program, file, moves):
     """The milliseconds that the window takes to answer each move."""
     with tempfile.TemporaryDirectory() as folder:
-        screen = Screen(folder)
+        screen = ReadScreen(folder)
         environment = dict(screen.environment, XDG_STATE_HOME=folder, XDG_RUNTIME_DIR=folder)
         viewer = subprocess.Popen([program, "view", file], env=environment)
         try:
@@ -79,20 +73,19 @@ def answers(program, file, moves):
                 sys.exit(f"{program} has ended")
             time.sleep(1)
             place, times = [400, 300], []
-            screen.do(f"mousemove {place[0]} {place[1]} mousedown 1")
+            screen.move(f"mousemove {place[0]} {place[1]} mousedown 1")
             # A press and a move that come at once are not yet a drag.
             time.sleep(0.5)
             for move in range(moves + 10):
                 before = screen.pixels[CROSS].copy()
                 step = 12 if (move // 20) % 2 == 0 else -12
                 place = [place[0] + step, place[1] + step // 4]
-                start = f"mousemove {place[0]} {place[1]}"
-                screen.do(start)
+                screen.move(f"mousemove {place[0]} {place[1]}")
                 took = wait("a turned cross", lambda before=before: (screen.pixels[CROSS] != before).any())
                 # The first moves find drafts of another size.
                 times += [took] if move >= 10 else []
                 time.sleep(random.uniform(0, 0.03))
-            screen.do("mouseup 1")
+            screen.move("mouseup 1")
             return times
         finally:
             viewer.terminate()

@@ -25,14 +25,19 @@ def run(*command, **options):
 class Screen:
     """A display in memory, and what is on it."""
 
-    def __init__(self):
+    def __init__(self, *options):
         read, write = os.pipe()
         command = ["Xvfb", "-displayfd", str(write), "-screen", "0", f"{SIZE[0]}x{SIZE[1]}x24", "-nolisten", "tcp"]
+        command += options
         self.server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
         os.close(write)
         with os.fdopen(read) as number:
             self.environment = dict(os.environ, DISPLAY=f":{number.readline().strip()}")
         self.environment.pop("WAYLAND_DISPLAY", None)
+
+    def end(self):
+        self.server.terminate()
+        self.server.wait()
 
     def shot(self):
         raw = run("import", "-window", "root", "-depth", "8", "rgb:-", env=self.environment)
@@ -147,9 +152,9 @@ def main():
         finally:
             viewer.terminate()
             viewer.wait(timeout=PATIENCE)
-            screen.server.terminate()
-            screen.server.wait()
+            screen.end()
     print("the window passed")
 
 
-main()
+if __name__ == "__main__":
+    main()
