@@ -1,6 +1,6 @@
 //! The files that readers read: on a disk, or in memory, as in a page that has no disk.
 //!
-//! In: a path. Out: a file that is read from any place. Files in memory have paths, too, so readers do not tell them apart.
+//! In: a path. Out: a file, which can be read from any byte on. Files in memory have paths too, so a reader is the same for both.
 
 use std::collections::BTreeMap;
 use std::io::{self, Cursor, Read, Seek, SeekFrom};

@@ -1,5 +1,5 @@
-// Builds a volume beside the page, which answers meanwhile. In: files, of which the first ones are the volume. Out: progress, then an
-// .adj file, or why there is none.
+// Builds a volume beside the page, which answers meanwhile. In: files, of which the first `count` are the volume. Out: progress, then
+// an .adj file, or why there is none.
 import init, { build } from "./adjsplat_worker.js";
 
 onmessage = async ({ data: { files, count } }) => {
