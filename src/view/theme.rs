@@ -17,6 +17,8 @@ pub fn apply(context: &Context) {
             style.spacing.combo_width = 130.0;
             // The scroll bar lies beside what scrolls, not over it.
             style.spacing.scroll.floating_allocated_width = 6.0;
+            // It would fade to the fill of panels, which is transparent.
+            style.spacing.scroll.fade.strength = 0.0;
             for (text, size) in [(TextStyle::Small, 11.5), (TextStyle::Monospace, 12.5)] {
                 style.text_styles.entry(text).and_modify(|font| font.size = size);
             }

@@ -7,7 +7,9 @@ use std::ops::Range;
 use bytemuck::Zeroable;
 use glam::Vec4;
 
+use super::srgb_bytes::SRGB_BYTES;
 use super::{Mode, require_pixels};
+use crate::classify::colour::srgb_from_linear;
 use crate::error::{Error, Result};
 use crate::parallel::in_parts;
 
@@ -105,24 +107,34 @@ impl Frame {
 
     /// Returns samples of 8 bits for a picture file: sRGB, not premultiplied.
     pub fn to_srgb8(&self) -> Vec<u8> {
-        self.encoded(255.0).map(|sample| u8::try_from(sample).unwrap_or(u8::MAX)).collect()
+        let table = &*SRGB_BYTES;
+        self.samples(|channel| table.byte(channel), |alpha| integer(alpha.into(), 255.0).to_le_bytes()[0])
     }
 
     /// Returns samples of 16 bits for a picture file: sRGB, not premultiplied.
     pub fn to_srgb16(&self) -> Vec<u16> {
-        self.encoded(65_535.0).collect()
+        let white = 65_535.0;
+        self.samples(
+            |channel| integer(srgb_from_linear(channel.clamp(0.0, 1.0).into()), white),
+            |alpha| integer(alpha.into(), white),
+        )
     }
 
-    /// Returns sRGB samples from 0 to `white`.
-    fn encoded(&self, white: f32) -> impl Iterator<Item = u16> {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65,535")]
-        let integer = move |value: f32| (value.clamp(0.0, 1.0) * white + 0.5) as u16;
-        self.pixels.chunks_exact(4).flat_map(move |pixel| {
-            let alpha = pixel[3];
-            let sample = |channel: f32| integer(srgb_from_linear(if alpha > 0.0 { channel / alpha } else { 0.0 }));
-            [sample(pixel[0]), sample(pixel[1]), sample(pixel[2]), integer(alpha)]
-        })
+    /// Returns four samples a pixel: of its colours in linear light, not premultiplied, and of alpha.
+    fn samples<T: Copy + Default>(&self, colour: impl Fn(f32) -> T, alpha: impl Fn(f32) -> T) -> Vec<T> {
+        let mut samples = vec![T::default(); self.pixels.len()];
+        for (samples, [r, g, b, a]) in samples.as_chunks_mut().0.iter_mut().zip(self.pixels.as_chunks().0) {
+            let whole = |channel: &f32| colour(if *a > 0.0 { channel / a } else { 0.0 });
+            *samples = [whole(r), whole(g), whole(b), alpha(*a)];
+        }
+        samples
     }
+}
+
+/// Returns the integer next to a share of `white`; 0 for NaN.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65,535")]
+fn integer(share: f64, white: f64) -> u16 {
+    (share.clamp(0.0, 1.0) * white + 0.5) as u16
 }
 
 /// Allocates `count` zeroes for a picture.
@@ -136,9 +148,4 @@ pub(crate) fn zeroed<T: Zeroable>(count: u64) -> Result<Box<[T]>> {
 #[inline(always)]
 pub(crate) fn in_range(pixel: Vec4) -> [f32; 4] {
     pixel.max(Vec4::ZERO).min(Vec4::new(f32::MAX, f32::MAX, f32::MAX, 1.0)).to_array()
-}
-
-/// Applies the sRGB transfer function, IEC 61966-2-1; returns 0 for NaN.
-fn srgb_from_linear(linear: f32) -> f32 {
-    if linear <= 0.003_130_8 { linear.max(0.0) * 12.92 } else { 1.055 * linear.min(1.0).powf(1.0 / 2.4) - 0.055 }
 }

@@ -21,6 +21,7 @@ pub(crate) mod near;
 mod outline;
 pub(crate) mod setup;
 pub(crate) mod shade;
+mod srgb_bytes;
 pub(crate) mod supersample;
 pub(crate) mod view;
 

@@ -7,6 +7,7 @@
 
 mod device;
 mod draft_size;
+mod stretch;
 mod texture;
 mod worker;
 
@@ -17,7 +18,7 @@ use adjsplat::Model;
 use adjsplat::classify::Colour;
 use adjsplat::error::Result;
 use adjsplat::splat::{Frame, Quality, Settings};
-use egui::{ColorImage, Context};
+use egui::{Color32, ColorImage, Context};
 
 use crate::look::Look;
 pub use device::Canvas;
@@ -37,7 +38,7 @@ pub struct Shown {
     /// The quality of the picture.
     pub quality: Quality,
     /// The columns and rows of the picture.
-    pub size: [usize; 2],
+    pub size: [u32; 2],
     /// How long drawing took, in milliseconds.
     pub milliseconds: f64,
     /// What drawing it took.
@@ -113,16 +114,14 @@ impl Painter {
             self.look_index += 1;
             self.changed_at = time;
             self.asked_quality = Quality::Draft;
-            let coarse = self.draft_size.of(size);
-            self.draft.ask(self.request(model, look, coarse, Quality::Draft));
+            self.draft.ask(self.request(model, look, size, Quality::Draft));
         } else if self.arrivals != arrivals && !self.is_best() {
             // What is shown was drawn from less. A picture as fine as before takes its place.
             self.look_index += 1;
-            let (size, quality) = match self.asked_quality {
-                Quality::Draft => (self.draft_size.of(size), Quality::Draft),
-                _ => (size, Quality::Standard),
-            };
-            self.asked_quality = quality;
+            if self.asked_quality != Quality::Draft {
+                self.asked_quality = Quality::Standard;
+            }
+            let quality = self.asked_quality;
             let worker = self.finer.as_ref().filter(|_| quality != Quality::Draft).unwrap_or(&self.draft);
             worker.ask(self.request(model, look, size, quality));
         }
@@ -180,16 +179,17 @@ impl Painter {
         })
     }
 
-    fn request(&self, model: &Model, look: &Look, size: [u32; 2], quality: Quality) -> Request {
-        Request { model: model.clone(), look: look.clone(), size, quality, look_index: self.look_index }
+    fn request(&self, model: &Model, look: &Look, view: [u32; 2], quality: Quality) -> Request {
+        let size = if quality == Quality::Draft { self.draft_size.of(view) } else { view };
+        Request { model: model.clone(), look: look.clone(), size, view, quality, look_index: self.look_index }
     }
 
     /// Takes the pictures that are ready.
     fn receive(&mut self) {
-        while let Ok(Drawn { look_index, quality, milliseconds, picture }) = self.results.try_recv() {
-            if let (Quality::Draft, Ok((image, _)), Some((_, _, view))) = (quality, &picture, &self.asked) {
-                let pixels = |[columns, rows]: [f64; 2]| columns * rows;
-                let share = pixels(image.size.map(|side| side as f64)) / pixels(view.map(f64::from));
+        while let Ok(Drawn { look_index, size, quality, milliseconds, picture }) = self.results.try_recv() {
+            if let (Quality::Draft, Ok(_), Some((_, _, view))) = (quality, &picture, &self.asked) {
+                let pixels = |[columns, rows]: [u32; 2]| f64::from(columns) * f64::from(rows);
+                let share = pixels(size) / pixels(*view);
                 self.draft_size.took(milliseconds, share.min(1.0));
             }
             // Drafts of older looks are shown while the view moves; a finer picture of an older look comes too late.
@@ -200,7 +200,7 @@ impl Painter {
             match picture {
                 Ok((image, work)) => {
                     self.fault = None;
-                    self.shown = Some(Shown { quality, size: image.size, milliseconds, work, look_index });
+                    self.shown = Some(Shown { quality, size, milliseconds, work, look_index });
                     self.image = Some(Arc::new(image));
                 }
                 Err(fault) => self.fault = Some(fault.to_string()),
@@ -240,5 +240,7 @@ fn settings(model: &Model, look: &Look, size: [u32; 2], quality: Quality) -> Res
 /// Returns a frame over the background of a look.
 fn image(mut frame: Frame, look: &Look, size: [u32; 2]) -> ColorImage {
     frame.over(Colour::from_bytes(look.background).linear());
-    ColorImage::from_rgba_unmultiplied(size.map(|side| side as usize), &frame.to_srgb8())
+    // Opaque. Egui's own function is compiled with little optimisation.
+    let pixels = frame.to_srgb8().as_chunks().0.iter().map(|[r, g, b, _]| Color32::from_rgb(*r, *g, *b)).collect();
+    ColorImage::new(size.map(|side| side as usize), pixels)
 }

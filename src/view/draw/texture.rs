@@ -34,11 +34,14 @@ impl CallbackTrait for Shown {
         Vec::new()
     }
 
-    fn paint(&self, _: PaintCallbackInfo, pass: &mut wgpu::RenderPass<'static>, resources: &CallbackResources) {
+    fn paint(&self, info: PaintCallbackInfo, pass: &mut wgpu::RenderPass<'static>, resources: &CallbackResources) {
         let pictures = resources.get::<Pictures>().expect(INSTALLED);
         if let Some(texture) = pictures.texture(&self.0) {
+            let viewport = info.viewport_in_pixels();
+            let size = [viewport.width_px, viewport.height_px].map(|side| usize::try_from(side).unwrap_or(0));
+            let is_stretched = self.0.size != size;
             pass.set_pipeline(&pictures.pipeline);
-            pass.set_bind_group(0, texture, &[]);
+            pass.set_bind_group(0, &texture[usize::from(is_stretched)], &[]);
             pass.draw(0..3, 0..1);
         }
     }
@@ -49,10 +52,11 @@ const INSTALLED: &str = "windows are prepared before they show pictures";
 /// The pictures on a window's device.
 struct Pictures {
     pipeline: wgpu::RenderPipeline,
-    sampler: wgpu::Sampler,
+    /// Of the nearest texel, and of a mean of four, which takes longer.
+    samplers: [wgpu::Sampler; 2],
     format: wgpu::TextureFormat,
-    /// Textures live as long as their pictures.
-    textures: Vec<(Weak<ColorImage>, wgpu::BindGroup)>,
+    /// Textures with each sampler; they live as long as their pictures.
+    textures: Vec<(Weak<ColorImage>, [wgpu::BindGroup; 2])>,
 }
 
 impl Pictures {
@@ -79,20 +83,22 @@ impl Pictures {
             multiview_mask: None,
             cache: None,
         });
-        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
-            mag_filter: wgpu::FilterMode::Linear,
-            min_filter: wgpu::FilterMode::Linear,
-            ..Default::default()
+        let samplers = [wgpu::FilterMode::Nearest, wgpu::FilterMode::Linear].map(|filter| {
+            device.create_sampler(&wgpu::SamplerDescriptor {
+                mag_filter: filter,
+                min_filter: filter,
+                ..Default::default()
+            })
         });
         // A target that encodes what is written gets what the picture's bytes decode to.
         let format = match target.is_srgb() {
             true => wgpu::TextureFormat::Rgba8UnormSrgb,
             false => wgpu::TextureFormat::Rgba8Unorm,
         };
-        Pictures { pipeline, sampler, format, textures: Vec::new() }
+        Pictures { pipeline, samplers, format, textures: Vec::new() }
     }
 
-    fn texture(&self, image: &Arc<ColorImage>) -> Option<&wgpu::BindGroup> {
+    fn texture(&self, image: &Arc<ColorImage>) -> Option<&[wgpu::BindGroup; 2]> {
         let is_it = |held: &Weak<ColorImage>| std::ptr::eq(held.as_ptr(), Arc::as_ptr(image));
         self.textures.iter().find(|(held, _)| is_it(held)).map(|(_, texture)| texture)
     }
@@ -119,14 +125,16 @@ impl Pictures {
         let rows = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * width), rows_per_image: None };
         queue.write_texture(texture.as_image_copy(), image.as_raw(), rows, size);
         let view = texture.create_view(&Default::default());
-        let entries = [
-            wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
-            wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&self.sampler) },
-        ];
-        let texture = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("picture"),
-            layout: &self.pipeline.get_bind_group_layout(0),
-            entries: &entries,
+        let layout = self.pipeline.get_bind_group_layout(0);
+        let texture = self.samplers.each_ref().map(|sampler| {
+            device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("picture"),
+                layout: &layout,
+                entries: &[
+                    wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
+                    wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(sampler) },
+                ],
+            })
         });
         self.textures.push((Arc::downgrade(image), texture));
     }

@@ -1,7 +1,7 @@
 // A picture that fills the viewport.
 
 @group(0) @binding(0) var picture: texture_2d<f32>;
-@group(0) @binding(1) var linear: sampler;
+@group(0) @binding(1) var filtering: sampler;
 
 struct Corner {
     @builtin(position) place: vec4f,
@@ -17,5 +17,5 @@ fn corner(@builtin(vertex_index) index: u32) -> Corner {
 
 @fragment
 fn colour(corner: Corner) -> @location(0) vec4f {
-    return textureSample(picture, linear, corner.share);
+    return textureSample(picture, filtering, corner.share);
 }

@@ -11,6 +11,7 @@ use adjsplat::splat::Quality;
 use egui::{ColorImage, Context};
 use web_time::Instant;
 
+use super::stretch::stretched;
 use super::{Canvas, picture};
 use crate::background;
 use crate::look::Look;
@@ -31,6 +32,8 @@ pub(super) struct Request {
     pub(super) model: Model,
     pub(super) look: Look,
     pub(super) size: [u32; 2],
+    /// The columns and rows of the view, if the picture has fewer.
+    pub(super) view: [u32; 2],
     pub(super) quality: Quality,
     /// Counts the looks that were asked for.
     pub(super) look_index: u64,
@@ -63,6 +66,7 @@ pub struct Work {
 /// A picture that was drawn.
 pub(super) struct Drawn {
     pub(super) look_index: u64,
+    pub(super) size: [u32; 2],
     pub(super) quality: Quality,
     pub(super) milliseconds: f64,
     pub(super) picture: Result<(ColorImage, Work)>,
@@ -98,9 +102,10 @@ async fn work(
             request = newer;
         }
         let start = Instant::now();
-        let Request { model, look, size, quality, look_index } = request;
+        let Request { model, look, size, view, quality, look_index } = request;
         let picture = match renderer {
-            Renderer::Processor => picture(&model, &look, size, quality),
+            Renderer::Processor => picture(&model, &look, size, quality)
+                .map(|(image, work)| (stretched(image, view.map(|side| side as usize)), work)),
             // Nothing is drawn until what a finer picture needs has arrived; then it is asked for again.
             Renderer::Device => match canvas.picture(&model, &look, size, quality).await.transpose() {
                 Some(picture) => picture,
@@ -109,7 +114,7 @@ async fn work(
         };
         let milliseconds = start.elapsed().as_secs_f64() * 1e3;
         // Nobody receives once the view is closed.
-        let _ = results.send(Drawn { look_index, quality, milliseconds, picture });
+        let _ = results.send(Drawn { look_index, size, quality, milliseconds, picture });
         context.request_repaint();
     }
 }

@@ -135,7 +135,7 @@ fn labels(ui: &mut Ui, table: &mut LabelTable, state: &mut EditorState) -> Chang
         row_height,
         found.len(),
         |ui, rows| {
-            Grid::new("labels").num_columns(4).striped(true).show(ui, |ui| {
+            Grid::new("labels").num_columns(4).show(ui, |ui| {
                 for index in found[rows].iter().copied() {
                     change = change.and(label_row(ui, table, index));
                     ui.end_row();
