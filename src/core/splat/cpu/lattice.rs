@@ -62,8 +62,8 @@ struct Density {
     beside: f64,
 }
 
-const ENOUGH: Density = Density { wide: 0.93, small: 0.7, beside: 0.65 };
-const FEWEST: Density = Density { wide: 0.62, small: 0.7, beside: 0.65 };
+const ENOUGH: Density = Density { wide: 0.93, small: 0.7, beside: 0.4 };
+const FEWEST: Density = Density { wide: 0.62, small: 0.7, beside: 0.4 };
 /// The most pixels of the plane that are worthwhile per pixel of the picture, along a side, unless voxels are small.
 const PER_PIXEL: f64 = 1.35;
 /// The same where a filter follows and voxels are opaque, as their edges are finer than the filter; and the sharpness from
@@ -565,13 +565,24 @@ fn parallel(
     let steps = [fast, medium].map(|axis| x[axis].hypot(y[axis]));
     let step = steps[0].max(steps[1]);
     let is_whole = |shift: &f64| (shift - shift.round()).abs() < IN_PHASE;
-    let is_in_phase = shift.iter().all(is_whole) && step > SMALL_STEP;
+    let is_beside = view.margin > 0.0;
+    let is_in_phase = match is_beside {
+        true => shift.iter().any(is_whole),
+        false => shift.iter().all(is_whole) && step > SMALL_STEP,
+    };
     let most_voxels = if is_in_phase { most_voxels_in_phase } else { 32.0 };
-    let voxels = (4.0 / choose(step)).clamp(1.0, most_voxels);
-    // Stamps need a whole number. Voxels beside the points of the grid do only if slices are in phase along an axis: then
-    // each pixel has the same place in the blocks of all slices.
-    let is_any = view.margin > 0.0 && !shift.iter().any(is_whole);
-    let voxels = if is_any { voxels } else { (voxels + 0.1).floor() };
+    let voxels = 4.0 / choose(step);
+    let voxels = match (is_beside, is_in_phase) {
+        (true, false) => voxels,
+        // Each pixel has the same place in the blocks of all slices, and divisors of a tile are better than 3. Between 2 and 2.5,
+        // engine has 0.5 dB less with 2 than with 1.
+        (true, true) if voxels < 2.5 => 1.0,
+        (true, true) if voxels < 3.9 => 2.0,
+        (true, true) => 4.0,
+        // Stamps need a whole number.
+        (false, _) => (voxels + 0.1).floor(),
+    };
+    let voxels = voxels.clamp(1.0, most_voxels);
     let per_voxel = 4.0 / voxels;
     // A shift above 1 means that the view runs along another axis than the slow one.
     if !shift.iter().all(|shift| shift.abs() < 1.001) {
