@@ -111,7 +111,7 @@ pub fn level_kernel(kernel: KernelShape, level: usize) -> KernelShape {
 /// What each comes from:
 ///
 /// * Standard, level 1: 38 dB are kept from 0.59 pixels on by engine, from 0.8 by vessels, iron and atlas. Two MR heads have 36.3
-///   and 36.5 dB at 0.5 pixels, and keep 38 from 0.29 and 0.34 on: that is worth 3.1 to 3.8 times the speed of the others.
+///   and 36.5 dB at 0.5 pixels, and keep 38 from 0.29 and 0.34 on: that is worth 3.4 to 4.4 times the speed of the others.
 /// * Standard, level 2: engine has 35.5 dB at 0.25 pixels. At 0.125 the pictures of all sets have fewer than 32 pixels a side, and
 ///   level 0 itself has 34 to 42 dB there.
 /// * Draft, level 1: sag has 33.8 dB at 1.03 pixels. Level 2: engine has 30 dB at 0.7. Level 3: engine has 30.3 dB at 0.5.
