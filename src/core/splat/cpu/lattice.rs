@@ -39,9 +39,9 @@ use crate::traverse::{Order, Sense, Viewpoint, VoxelBox};
 /// correctly.
 const MARGIN: f64 = 6.0;
 /// Largest ratio of the plane's pixel count to the picture's (over the same area) at which a plane is worthwhile, unless a
-/// wide low-pass follows and it has at most the other number of pixels, which take 33 MiB.
+/// wide low-pass follows and at most the other number of pixels is kept, which take 44 MiB.
 const MAX_PIXELS: f64 = 6.5;
-const FEW_PIXELS: f64 = 1_572_864.0;
+const FEW_PIXELS: f64 = 2_097_152.0;
 /// Standard deviation of the low-pass in the picture's middle, along columns and along rows of the plane, above which the
 /// plane is halved first; in the plane's pixels.
 const WIDE: f64 = 1.4;
@@ -246,8 +246,17 @@ impl Lattice {
             }
         };
         let pixels = |size: [u32; 2]| f64::from(size[0]) * f64::from(size[1]);
-        let few = if plane.low_pass.is_wide { FEW_PIXELS } else { 65_536.0 };
-        (pixels(plane.size) <= few.max(MAX_PIXELS * pixels(view.size))).then_some(plane)
+        let is_small = match plane.low_pass.is_wide {
+            true => pixels(plane.kept()) <= FEW_PIXELS,
+            false => pixels(plane.size) <= 65_536.0,
+        };
+        (is_small || pixels(plane.size) <= MAX_PIXELS * pixels(view.size)).then_some(plane)
+    }
+
+    /// Returns the columns and rows of what is kept of the plane for the warp. If it is to be halved, that is done when a band has
+    /// been drawn.
+    pub(super) fn kept(&self) -> [u32; 2] {
+        if self.low_pass.halvings > 0 { self.size.map(|side| side / 2) } else { self.size }
     }
 
     /// Returns the lattice of the slice at `slow` on the slow axis.

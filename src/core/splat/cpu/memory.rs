@@ -21,7 +21,7 @@ const POINT: u64 = 64;
 /// Bytes per pixel, in a frame and in bands.
 const PIXEL: u64 = 4 * size_of::<f32>() as u64;
 
-/// Bytes per pixel of a lattice: in the frame that is warped, marks of what is drawn, and the halved frame.
+/// Bytes per kept pixel of a lattice: in the frame that is warped, marks of what is drawn, and the halved frame.
 const LATTICE_PIXEL: u64 = PIXEL + 6;
 /// Bytes per column of pixels of a band of a lattice: its pixels, with what pads their rows.
 const BAND_COLUMN: u64 = 4 * 32 * PIXEL;
@@ -36,8 +36,13 @@ const SLAB_POINT: u64 = 48;
 pub enum Canvas {
     /// The picture's own pixels.
     Picture,
-    /// A plane of the slices' own lattice with this number of columns and rows.
-    Lattice([u32; 2]),
+    /// A plane of the slices' own lattice, and how much of it is kept for the picture; columns and rows.
+    Lattice {
+        /// The plane.
+        size: [u32; 2],
+        /// What is kept: the plane, or one of half as many columns and rows.
+        kept: [u32; 2],
+    },
     /// Samples finer than pixels, drawn in strips of at most this number of columns and of rows.
     Finer([u32; 2]),
 }
@@ -52,7 +57,7 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
     let order = walk_order(&view, grid, settings)?;
     // The depths are not known: opaque voxels may have a finer lattice than others, or none.
     let canvases = [0.0, MAX_DEPTH].map(|deepest| match Plane::choose(&view, &order, bounds, || deepest, settings) {
-        Some(Plane::Lattice(lattice)) => Canvas::Lattice(lattice.size),
+        Some(Plane::Lattice(lattice)) => Canvas::Lattice { size: lattice.size, kept: lattice.kept() },
         Some(Plane::Supersampling(supersampling)) => Canvas::Finer(supersampling.strip_size()),
         None => Canvas::Picture,
     });
@@ -76,13 +81,14 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settin
     let longest = dims.into_iter().max().map_or(0, u64::from).max(2_048);
     let drawing = match canvas {
         Canvas::Picture => bands(size),
-        Canvas::Lattice(plane) => {
-            let [columns, rows] = plane.map(u64::from);
-            // At most two bands a thread wait to be put into the frame.
-            let band_columns = (2 * threads + 1) * BAND_COLUMN + threads * LISTS_COLUMN;
+        Canvas::Lattice { size: plane, kept } => {
+            let [columns, _] = plane.map(u64::from);
+            let kept = kept.into_iter().map(u64::from).product::<u64>();
+            // At most two bands a thread wait to be put into the frame, and one is halved.
+            let band_columns = (2 * threads + 2) * BAND_COLUMN + threads * LISTS_COLUMN;
             // Very faint voxels are drawn on the picture.
             let slabs = threads * (SLAB + SLAB_POINT * longest);
-            (LATTICE_PIXEL * (columns * rows) + band_columns * (columns + PADDING[0]) + slabs).max(bands(size))
+            (LATTICE_PIXEL * kept + band_columns * (columns + PADDING[0]) + slabs).max(bands(size))
         }
         Canvas::Finer(size) => {
             let size = size.map(u64::from);

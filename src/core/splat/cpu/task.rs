@@ -15,6 +15,7 @@ use super::project::Projector;
 use super::task_visitor::TaskVisitor;
 use super::tile_buffer::{Rect, TILE, TileBuffer};
 use super::visible::VisibleRecords;
+use super::warp::{halve_rows, halved};
 use super::{band, dispatch, gather, maximum, plain};
 use crate::arena::RecordSet;
 use crate::error::Result;
@@ -122,7 +123,8 @@ impl<'a> DrawTask<'a> {
             combine(&bands, settings, &mut frame, |pixel, [red, green, blue, alpha]| {
                 *pixel = [red, green, blue, if transmits { 1.0 - alpha } else { alpha }];
             });
-            return Ok((frame, BandStats::of(&bands)));
+            let kept = if lattice.low_pass.halvings > 0 { halved(&frame, settings.threads)? } else { frame };
+            return Ok((kept, BandStats::of(&bands)));
         }
         let rows = lattice.size[1] as usize >> TILE;
         // Bands of few rows of tiles stay near in the cache, and let threads end at about the same time. But what lies at
@@ -130,7 +132,8 @@ impl<'a> DrawTask<'a> {
         let each = if settings.threads == 1 { 32 } else { (rows / (3 * settings.threads)).clamp(8, 32) };
         let looks = LookTables::new(&self.projector, lattice.tile([0, 0]).strength);
         let tables = (looks.as_ref(), footprints.as_ref());
-        let (mut frame, mut stats) = (Frame::transparent(lattice.size)?, BandStats::default());
+        let (mut frame, mut stats) = (Frame::transparent(lattice.kept())?, BandStats::default());
+        let mut whole = Vec::new();
         let level = dispatch::level(settings.code);
         let draw = |band: &mut _, index: usize| {
             let rows = [each * index, rows.min(each * (index + 1))].map(|row| row as i32);
@@ -143,8 +146,21 @@ impl<'a> DrawTask<'a> {
             draw,
             |_, band| {
                 let (columns, rect) = (lattice.size[0] as usize, band.pixels.rect);
-                let rows = &mut frame.pixels_mut().as_chunks_mut().0[columns * rect.y0.unsigned_abs() as usize..];
-                fearless_simd::dispatch!(level, simd => band.pixels.put(simd, transmits, rows, columns));
+                let [from, to] = [rect.y0, rect.y1].map(|row| row.unsigned_abs() as usize);
+                let pixels = frame.pixels_mut().as_chunks_mut().0;
+                if lattice.low_pass.halvings == 0 {
+                    let rows = &mut pixels[columns * from..];
+                    fearless_simd::dispatch!(level, simd => band.pixels.put(simd, transmits, rows, columns));
+                } else {
+                    // Tiles on which nothing was drawn are not put.
+                    whole.clear();
+                    whole.resize(columns * (to - from), [0.0; 4]);
+                    fearless_simd::dispatch!(level, simd => band.pixels.put(simd, transmits, &mut whole, columns));
+                    let halved = pixels.chunks_exact_mut(columns / 2).skip(from / 2);
+                    for (pair, row) in whole.chunks_exact(2 * columns).zip(halved) {
+                        halve_rows(pair, columns, row);
+                    }
+                }
                 stats.add(&band.stats);
                 Ok(())
             },

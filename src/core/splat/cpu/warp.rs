@@ -34,13 +34,16 @@ const GAIN: f32 = 6.0 * 0.267_949_2;
 /// Pixels of the plane for which it is worthwhile to start a thread.
 const PART: usize = 1 << 16;
 
-/// Computes the picture from `plane`, the frame drawn on `lattice`, whose alphas are at most `most`. The result does not
-/// depend on `level` and `threads`.
+/// Computes the picture from `plane`, what is kept of the frame drawn on `lattice`, whose alphas are at most `most`. The result
+/// does not depend on `level` and `threads`.
 pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, level: Level, threads: usize) -> Result<Frame> {
     let LowPass { halvings, variance, is_wide } = lattice.low_pass;
     let mut plane_from_pixel = lattice.plane_from_pixel;
-    for _ in 0..halvings {
-        plane = halved(&plane, threads)?;
+    for halving in 0..halvings {
+        // What is kept was halved once when it was drawn.
+        if halving > 0 {
+            plane = halved(&plane, threads)?;
+        }
         let [across, down, divisor] = plane_from_pixel;
         // Pixel 0 of the halved plane lies between pixels 0 and 1.
         let halve = |line: [f64; 3]| [0, 1, 2].map(|k: usize| 0.5 * (line[k] - 0.5 * divisor[k]));
@@ -85,22 +88,25 @@ pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, level: Level,
 }
 
 /// Returns the plane whose pixels are the means of two by two pixels; beyond the edges, pixels are 0.
-fn halved(plane: &Frame, threads: usize) -> Result<Frame> {
+pub(super) fn halved(plane: &Frame, threads: usize) -> Result<Frame> {
     let columns = plane.size()[0] as usize;
     let mut halved = Frame::transparent(plane.size().map(|side| side.div_ceil(2)))?;
-    let rows: Vec<&[[f32; 4]]> = plane.pixels().as_chunks().0.chunks_exact(columns).collect();
-    halved.fill_rows(threads, |y, row| {
-        for line in rows.iter().skip(2 * y).take(2) {
-            for (pixel, pair) in row.iter_mut().zip(line.chunks(2)) {
-                for part in pair {
-                    for c in 0..4 {
-                        pixel[c] += 0.25 * part[c];
-                    }
+    let rows = plane.pixels().as_chunks().0;
+    halved.fill_rows(threads, |y, row| halve_rows(&rows[2 * y * columns..], columns, row));
+    Ok(halved)
+}
+
+/// Adds the means of two by two pixels to a row of zeroes; `pixels` begin with two rows of `columns`, or with one at the edge.
+pub(super) fn halve_rows(pixels: &[[f32; 4]], columns: usize, row: &mut [[f32; 4]]) {
+    for line in pixels.chunks_exact(columns).take(2) {
+        for (pixel, pair) in row.iter_mut().zip(line.chunks(2)) {
+            for part in pair {
+                for c in 0..4 {
+                    pixel[c] += 0.25 * part[c];
                 }
             }
         }
-    });
-    Ok(halved)
+    }
 }
 
 /// Which pixels of a plane something was drawn on.
