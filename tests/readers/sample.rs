@@ -94,9 +94,10 @@ pub(crate) struct Read {
 /// error, as virtual files.
 pub(crate) fn read_with(path: &Path, options: &OpenOptions) -> Result<Read> {
     let read = read_at(path, options);
-    if path.is_dir() {
-        let name = path.file_name().and_then(|name| name.to_str()).expect("test folders have names");
-        let copy = virtual_copy(path, name);
+    let name = path.file_name().and_then(|name| name.to_str()).expect("test files have names");
+    if path.is_dir()
+        && let Some(copy) = virtual_copy(path, name)
+    {
         let copied = copy.path(name);
         match (&read, read_at(&copied, options)) {
             (Ok(read), Ok(copy)) => {
@@ -113,8 +114,8 @@ pub(crate) fn read_with(path: &Path, options: &OpenOptions) -> Result<Read> {
     read
 }
 
-/// The files in a folder and below it, as virtual files in a folder `name`.
-pub(crate) fn virtual_copy(folder: &Path, name: &str) -> VirtualFiles {
+/// The files in a folder and below it, as virtual files in a folder `name`; `None` without files, as virtual folders have some.
+fn virtual_copy(folder: &Path, name: &str) -> Option<VirtualFiles> {
     fn add(folder: &Path, name: &str, files: &mut Vec<(String, Vec<u8>)>) {
         for entry in std::fs::read_dir(folder).expect("the folder can be listed") {
             let path = entry.expect("the folder can be listed").path();
@@ -128,7 +129,7 @@ pub(crate) fn virtual_copy(folder: &Path, name: &str) -> VirtualFiles {
     }
     let mut files = Vec::new();
     add(folder, name, &mut files);
-    VirtualFiles::new(files).expect("a folder has no two files of one name")
+    (!files.is_empty()).then(|| VirtualFiles::new(files).expect("a folder has no two files of one name"))
 }
 
 fn read_at(path: &Path, options: &OpenOptions) -> Result<Read> {

@@ -11,8 +11,6 @@ use adjsplat::{Error, Result};
 use adjsplat_readers::{Content, OpenOptions, VirtualFiles, open, open_slices};
 use adjsplat_tests::real_volume;
 
-use super::sample::read;
-
 fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("readers")
 }
@@ -97,15 +95,6 @@ fn a_virtual_file_that_is_not_there_is_missing_under_its_name() {
     let path = files.path("a.nhdr");
     drop(files);
     missing(open(&path, &OpenOptions::new()), path.clone());
-}
-
-#[test]
-fn real_folders_give_the_same_volumes_as_virtual_ones() {
-    for (folder, format) in [("SAG-anon", "DICOM"), ("nifti-zarr/tests/data/example4d.nii.zarr", "OME-Zarr")] {
-        if let Some(folder) = real_volume(folder) {
-            assert_eq!(read(&folder).unwrap().header.format, format);
-        }
-    }
 }
 
 #[test]
@@ -211,7 +200,7 @@ fn a_virtual_file_that_cannot_be_read_any_more_says_why() {
 #[test]
 fn small_reads_of_a_large_virtual_file_give_its_bytes() {
     // Text is read byte by byte, through blocks of several sizes.
-    let numbers: Vec<u32> = (0..600_000).map(|number| number * 7919 % 1_000_003).collect();
+    let numbers: Vec<u32> = (0..600_000).map(|number| number * 7001 % 1_000_003).collect();
     let text: String = numbers.iter().map(|number| format!("{number} ")).collect();
     let header = "NRRD0004\ntype: uint32\ndimension: 3\nsizes: 1000 600 1\nencoding: ascii\n\n";
     let files = VirtualFiles::new([("a.nrrd".to_owned(), [header, &text].concat().into_bytes())]).unwrap();
