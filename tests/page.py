@@ -772,8 +772,11 @@ def tiff_slices(folder, volume):
     return paths
 
 
-# Lists of folders that never come.
-NO_LIST = "FileSystemDirectoryReader.prototype.readEntries = () => {};"
+# A folder whose list of files never comes.
+ENDLESS = """
+DataTransferItem.prototype.webkitGetAsEntry = () => (
+  { name: "endless", isDirectory: true, createReader: () => ({ readEntries: () => { globalThis.is_asked = true; } }) });
+"""
 FOLDER = ((30, 17), (40, 78))  # the places of the menu "Open" and of its entry "Folder…"
 
 
@@ -874,14 +877,15 @@ def check_folders(browser, folder):
         check_built(viewer, path("ball.zarr"), folder)
         viewer.close()
 
-        viewer = Viewer(browser, base, NO_LIST)
+        viewer = Viewer(browser, base, ENDLESS)
         wait("the viewer", lambda: "message" in viewer.state())
         viewer.drop(path("slices"))
+        wait("a question for the files", lambda: viewer.page.evaluate("globalThis.is_asked"))
         time.sleep(0.5)
         viewer.page.mouse.click(*CANCEL)
         said = viewer.told()
         print(said)
-        assert said == "slices was not opened" and not viewer.page.workers, said
+        assert said == "endless was not opened" and not viewer.page.workers, said
         viewer.close()
     finally:
         server.shutdown()

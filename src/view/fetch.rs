@@ -94,7 +94,9 @@ pub(crate) async fn open_folder(
     progress: &Progress,
     context: &Context,
 ) -> Result<Opened> {
+    progress.set(Phase::Listing, 0, 1)?;
     let files = folder.files(progress, context).await?;
+    progress.set(Phase::Opening, 0, 1)?;
     let name = folder.name();
     let manifest = format!("{name}/{MANIFEST}");
     if files.iter().any(|(path, _)| *path == manifest) {
