@@ -214,8 +214,8 @@ impl Seek for File {
 }
 
 /// The numbers of bytes that are read of a virtual file at a time: at first, and at most, where reading goes on. A browser
-/// takes about as long for 64 KiB as for a byte.
-const BLOCKS: [usize; 2] = [64 << 10, 1 << 20];
+/// takes milliseconds for each time, and as long for 256 KiB as for a byte.
+const BLOCKS: [usize; 2] = [256 << 10, 2 << 20];
 
 /// A virtual file that was opened.
 #[derive(Debug)]
@@ -255,7 +255,7 @@ impl Read for VirtualFile {
         let left = self.content.length().saturating_sub(self.next);
         let left = usize::try_from(left).unwrap_or(usize::MAX);
         let wanted = into.len().min(left);
-        if self.held().is_empty() && wanted >= BLOCKS[0] {
+        if self.held().is_empty() && wanted >= BLOCKS[1] {
             self.content.read_at(self.next, &mut into[..wanted])?;
             self.next += wanted as u64;
             return Ok(wanted);

@@ -15,6 +15,9 @@ use crate::open::{Phase, Place, Progress};
 /// The largest number of files that a folder may hold: more take a browser minutes.
 const MOST_FILES: usize = 100_000;
 
+/// The number of files that are asked for at a time.
+const ASKED: usize = 100;
+
 /// A folder of a browser.
 #[derive(Debug)]
 pub struct Folder {
@@ -80,31 +83,31 @@ impl Folder {
                 if part.length() == 0 {
                     break;
                 }
-                // All files of the part are asked for before the first is waited for.
-                let mut asked = Vec::new();
-                for entry in part.iter() {
-                    let entry: FileSystemEntry = entry.unchecked_into();
-                    let path = format!("{path}/{}", entry.name());
-                    if entry.is_directory() {
-                        folders.push((path, entry.unchecked_into()));
-                    } else {
-                        let entry: FileSystemFileEntry = entry.unchecked_into();
-                        asked.push((
-                            path,
-                            answer(|done, failed| {
+                // Some files are asked for before the first of them is waited for. Many at once would keep the page from answering.
+                for some in part.to_vec().chunks(ASKED) {
+                    let mut asked = Vec::new();
+                    for entry in some {
+                        let entry: &FileSystemEntry = entry.unchecked_ref();
+                        let path = format!("{path}/{}", entry.name());
+                        if entry.is_directory() {
+                            folders.push((path, entry.clone().unchecked_into()));
+                        } else {
+                            let ask = |done: &Function, failed: &Function| {
+                                let entry: &FileSystemFileEntry = entry.unchecked_ref();
                                 entry.file_with_callback_and_callback(done, failed);
                                 Ok(())
-                            }),
-                        ));
+                            };
+                            asked.push((path, answer(ask)));
+                        }
                     }
+                    for (path, file) in asked {
+                        let file = file.await.map_err(failed(&path))?.unchecked_into();
+                        files.push((path, file));
+                    }
+                    self.check(&files)?;
+                    progress.set(Phase::Listing, 0, 1)?;
+                    context.request_repaint();
                 }
-                for (path, file) in asked {
-                    let file = file.await.map_err(failed(&path))?.unchecked_into();
-                    files.push((path, file));
-                }
-                self.check(&files)?;
-                progress.set(Phase::Listing, 0, 1)?;
-                context.request_repaint();
             }
         }
         Ok(files)
