@@ -2,6 +2,8 @@
 //!
 //! In: a place. Out: progress, and in the end a model; a volume's is in memory. Opening can be cancelled.
 
+#[cfg(target_arch = "wasm32")]
+use std::collections::BTreeSet;
 use std::future::poll_fn;
 use std::path::{Path, PathBuf};
 use std::pin::pin;
@@ -70,12 +72,14 @@ impl Place {
     /// as their names differ.
     #[cfg(target_arch = "wasm32")]
     pub(crate) fn together(files: Vec<web_sys::File>) -> Vec<Place> {
-        let place = |opened: Vec<web_sys::File>| {
-            let others = files.iter().filter(|file| opened.iter().all(|opened| opened.name() != file.name()));
-            let all = opened.iter().chain(others).cloned().collect();
+        let files: Vec<_> = files.into_iter().map(|file| (file.name(), file)).collect();
+        let place = |opened: Vec<(String, web_sys::File)>| {
+            let names: BTreeSet<&str> = opened.iter().map(|(name, _)| name.as_str()).collect();
+            let others = files.iter().filter(|(name, _)| !names.contains(name.as_str()));
+            let all = opened.iter().chain(others).map(|(_, file)| file.clone()).collect();
             Place::Chosen(Arc::new(SendWrapper::new(Chosen { files: all, count: opened.len() })))
         };
-        groups(files.clone(), |file| file.name().into()).into_iter().map(place).collect()
+        groups(files.clone(), |(name, _)| name.into()).into_iter().map(place).collect()
     }
 
     /// Returns the place of a folder that was dropped or chosen in a browser.
@@ -397,7 +401,9 @@ mod tests {
     fn folders_that_are_dropped_together_are_opened_each_by_itself() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
-        ["t1", "t2"].map(|name| std::fs::create_dir(path(name)).unwrap());
+        for name in ["t1", "t2"] {
+            std::fs::create_dir(path(name)).unwrap();
+        }
         let places = Place::together(["t1", "1.dcm", "t2", "2.dcm"].map(path).into());
         let names: Vec<_> = places.iter().map(Place::name).collect();
         assert_eq!(names, ["t1", "t2", "1.dcm and 1 more"]);
