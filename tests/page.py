@@ -796,12 +796,12 @@ def check_folders(browser, folder):
     os.makedirs(path("twins"))
     shutil.copytree(path("slices"), path("twins", "slices"))
     half = np.ascontiguousarray(ball()[:, :20])
-    header = f"ObjectType = Image\nNDims = 3\nDimSize = 40 20 40\nElementType = MET_USHORT\nElementDataFile = half.raw\n"
+    header = "ObjectType = Image\nNDims = 3\nDimSize = 40 20 40\nElementType = MET_USHORT\nElementDataFile = half.raw\n"
     for name in ("one", "two"):
         os.makedirs(path(name))
         open(path(name, "half.raw"), "wb").write(half.tobytes())
         open(path(name, "half.mhd"), "w").write(header)
-    nrrd = f"NRRD0004\ntype: uint16\ndimension: 3\nsizes: 40 20 40\nendian: little\nencoding: raw\n\n"
+    nrrd = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 40 20 40\nendian: little\nencoding: raw\n\n"
     open(path("twins", "ball.nrrd"), "wb").write(nrrd.encode() + half.tobytes())
     volumes = ["slices", "ball.zarr"]
     head = os.path.join(os.path.dirname(__file__), "../../shared/data/SAG-anon")
@@ -831,8 +831,8 @@ def check_folders(browser, folder):
         opened = {viewer.close_file() for _ in range(3)}
         assert opened == {"slices", "ball.nrrd", "ball.zarr"}, opened
 
-        # Files of the same name are opened each with its own content. Chromium gives the second of two files of the disk another
-        # name, other browsers do not.
+        # Files of the same name are opened each with its own content. Chromium gives the second of two files of the disk
+        # another name, other browsers do not.
         twins = ["ball.nrrd", "twins/ball.nrrd"]
         viewer.drop_served(*twins)
         wait("two files", lambda: viewer.state()["files"] == 2)
@@ -850,11 +850,11 @@ def check_folders(browser, folder):
 
         for dropped, words in {
             ("empty",): "empty: is a folder without files",
-            ("patient",): "patient: is a folder without TIFF or DICOM files, and no Zarr array; open a file in it, or one of its "
-            "subfolders, such as series 1",
+            ("patient",): "patient: is a folder without TIFF or DICOM files, and no Zarr array; open a file in it, or one of "
+            "its subfolders, such as series 1",
             ("bricks.adjs",): "bricks.adjs: is a collection of bricks",
             ("twins",): "twins: is a folder without TIFF or DICOM files",
-            (*names, "twins/slices/slice7.tif"): f"slice1.tif and {len(slices)} more: slice7.tif is the name of several slices",
+            (*names, "twins/slices/slice7.tif"): "slice1.tif and 40 more: slice7.tif is the name of several slices",
             ("one/half.mhd", "one/half.raw", "two/half.raw"): "half.mhd: half.raw is the name of several files",
         }.items():
             if len(dropped) > 1:
