@@ -19,6 +19,7 @@ import tempfile
 import threading
 import time
 import urllib.parse
+import zlib
 
 import numpy as np
 from PIL import Image
@@ -291,6 +292,30 @@ class Viewer:
             time.sleep(0.05)
         time.sleep(0.3)
         session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+    def drop_served(self, *paths):
+        """Drops copies of files of the server onto the view, under their names without folders."""
+        drop = """async (paths) => {
+            const files = new DataTransfer();
+            for (const path of paths) files.items.add(new File([await (await fetch(path)).blob()], path.split("/").at(-1)));
+            document.querySelector("canvas").dispatchEvent(new DragEvent("drop", { dataTransfer: files, bubbles: true }));
+        }"""
+        self.page.evaluate(drop, paths)
+
+    def drop(self, *paths):
+        """Drags files and folders of the disk onto the view, as a desktop does."""
+        session = self.page.context.new_cdp_session(self.page)
+        dragged = {"items": [], "files": list(paths), "dragOperationsMask": 1}
+        for kind in ("dragEnter", "dragOver", "drop"):
+            session.send("Input.dispatchDragEvent", {"type": kind, "x": 200, "y": 200, "data": dragged})
+
+    def close_file(self):
+        """Closes the file that is shown; returns its name."""
+        file = self.state()["file"]
+        count = self.state()["files"]
+        self.page.keyboard.press("Alt+w")
+        wait("one file less", lambda: self.state()["files"] == count - 1)
+        return file
 
     def camera(self):
         """Azimuth, elevation, height, angle of view and target."""
@@ -675,17 +700,12 @@ def check_volumes(browser, folder):
         check_volume_at(browser, base + "?file=ball.nrrd", paths["ball.nrrd"], folder)
         viewer = Viewer(browser, base, size=SMALL)
         wait("the viewer", lambda: "message" in viewer.state())
-        drop = """async (names) => {
-            const files = new DataTransfer();
-            for (const name of names) files.items.add(new File([await (await fetch(name)).blob()], name));
-            document.querySelector("canvas").dispatchEvent(new DragEvent("drop", { dataTransfer: files, bubbles: true }));
-        }"""
         for names, title, volume in [
             (["ball.nrrd"], "ball.nrrd", paths["ball.nrrd"]),
             (["ball.raw", "ball.mhd"], "ball.mhd", paths["ball.mhd"]),
             (slices, f"slice1.tif and {z - 1} more", [paths[name] for name in slices]),
         ]:
-            viewer.page.evaluate(drop, names)
+            viewer.drop_served(*names)
             wait(title, lambda title=title: viewer.state()["file"] == title)
             check_built(viewer, volume, folder)
             viewer.page.keyboard.press("Alt+w")
@@ -696,11 +716,11 @@ def check_volumes(browser, folder):
             "ball.raw": "ball.raw: is in no format known here",
             "ball.mhd": "ball.mhd: ball.raw is missing; open it together with this file",
         }.items():
-            viewer.page.evaluate(drop, [name])
+            viewer.drop_served(name)
             wait(f"a line about {name}", lambda name=name: (viewer.state().get("message") or "").startswith(name))
             said = viewer.told()
             print(said)
-            assert said.startswith(words) and "memory:" not in said and "\n" not in said and "OpenOptions" not in said, said
+            assert said.startswith(words) and "virtual:" not in said and "\n" not in said and "OpenOptions" not in said, said
         viewer.close()
     finally:
         server.shutdown()
@@ -719,6 +739,180 @@ def check_volumes(browser, folder):
         Held.may_go_on.set()
         server.shutdown()
     print("volumes passed")
+
+
+def ome_zarr(folder, volume):
+    """Writes an OME-Zarr image of two levels; chunks lie in folders."""
+    attributes = {"multiscales": [{"version": "0.4", "axes": [{"name": name, "type": "space"} for name in "zyx"]}]}
+    attributes["multiscales"][0]["datasets"] = [
+        {"path": str(level), "coordinateTransformations": [{"type": "scale", "scale": [2**level] * 3}]}
+        for level in range(2)
+    ]
+    os.makedirs(folder)
+    for level, points in enumerate((volume, volume[::2, ::2, ::2])):
+        array = {"zarr_format": 2, "shape": points.shape, "chunks": [16] * 3, "dtype": "<u2", "order": "C"}
+        array |= {"compressor": {"id": "zlib", "level": 1}, "filters": None, "fill_value": 0, "dimension_separator": "/"}
+        for at in np.ndindex(*(-(-count // 16) for count in points.shape)):
+            part = points[tuple(slice(16 * i, 16 * i + 16) for i in at)]
+            chunk = np.pad(part, [(0, 16 - count) for count in part.shape])
+            path = os.path.join(folder, str(level), *map(str, at))
+            os.makedirs(os.path.dirname(path), exist_ok=True)
+            open(path, "wb").write(zlib.compress(chunk.tobytes()))
+        json.dump(array, open(os.path.join(folder, str(level), ".zarray"), "w"))
+    json.dump({"zarr_format": 2}, open(os.path.join(folder, ".zgroup"), "w"))
+    json.dump(attributes, open(os.path.join(folder, ".zattrs"), "w"))
+
+
+def tiff_slices(folder, volume):
+    """Writes slices into a folder; returns their paths."""
+    os.makedirs(folder)
+    paths = [os.path.join(folder, f"slice{number}.tif") for number in range(1, len(volume) + 1)]
+    for path, plane in zip(paths, volume):
+        Image.fromarray(plane).save(path)
+    return paths
+
+
+# A folder whose list of files never comes.
+ENDLESS = """
+DataTransferItem.prototype.webkitGetAsEntry = () => (
+  { name: "endless", isDirectory: true, createReader: () => ({ readEntries: () => { globalThis.is_asked = true; } }) });
+"""
+FOLDER = ((30, 17), (40, 78))  # the places of the menu "Open" and of its entry "Folder…"
+
+
+def check_folders(browser, folder):
+    """Folders that are dropped or chosen are opened as the program opens them."""
+    root = shutil.copytree(PAGE, os.path.join(folder, "folders"))
+    path = lambda *names: os.path.join(root, *names)  # noqa: E731
+    slices = tiff_slices(path("slices"), ball())
+    names = [f"slices/{os.path.basename(file)}" for file in slices]
+    ome_zarr(path("ball.zarr"), ball())
+    open(path("ball.nrrd"), "wb").write(ball_nrrd())
+    os.makedirs(path("empty", "below"))
+    tiff_slices(path("patient", "series 1"), ball(8))
+    os.makedirs(path("bricks.adjs"))
+    open(path("bricks.adjs", "collection.json"), "w").write("{}")
+    # The same names in two folders.
+    os.makedirs(path("twins"))
+    shutil.copytree(path("slices"), path("twins", "slices"))
+    half = np.ascontiguousarray(ball()[:, :20])
+    header = "ObjectType = Image\nNDims = 3\nDimSize = 40 20 40\nElementType = MET_USHORT\nElementDataFile = half.raw\n"
+    for name in ("one", "two"):
+        os.makedirs(path(name))
+        open(path(name, "half.raw"), "wb").write(half.tobytes())
+        open(path(name, "half.mhd"), "w").write(header)
+    nrrd = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 40 20 40\nendian: little\nencoding: raw\n\n"
+    open(path("twins", "ball.nrrd"), "wb").write(nrrd.encode() + half.tobytes())
+    volumes = ["slices", "ball.zarr"]
+    head = os.path.join(os.path.dirname(__file__), "../../shared/data/SAG-anon")
+    if os.path.isdir(head):
+        os.makedirs(path("head"))
+        # A device in software takes minutes to draw all of it.
+        for name in sorted(os.listdir(head))[60:84]:
+            shutil.copy(os.path.join(head, name), path("head"))
+        volumes.append("head")
+    else:
+        assert os.environ.get("ADJ_DATA") != "require", f"{head} is absent"
+        print(f"SKIPPED: {head} is absent", file=sys.stderr)
+
+    server, base = serving(Ranges, root)
+    try:
+        viewer = Viewer(browser, base, size=SMALL)
+        wait("the viewer", lambda: "message" in viewer.state())
+        for name in volumes:
+            viewer.drop(path(name))
+            wait(name, lambda name=name: viewer.state()["file"] == name)
+            check_built(viewer, path(name), folder)
+            viewer.close_file()
+
+        # Folders and files that are dropped together: each folder by itself.
+        viewer.drop(path("slices"), path("ball.nrrd"), path("ball.zarr"))
+        wait("three files", lambda: viewer.state()["files"] == 3)
+        opened = {viewer.close_file() for _ in range(3)}
+        assert opened == {"slices", "ball.nrrd", "ball.zarr"}, opened
+
+        # Files of the same name are opened each with its own content. Chromium gives the second of two files of the disk
+        # another name, other browsers do not.
+        twins = ["ball.nrrd", "twins/ball.nrrd"]
+        viewer.drop_served(*twins)
+        wait("two files", lambda: viewer.state()["files"] == 2)
+        near = []
+        for _ in twins:
+            shown = viewer.picture()
+            for twin in twins:
+                built = os.path.join(folder, "twin.adj")
+                adj("build", path(twin), "-o", built, "--quiet")
+                near.append(decibels(shown, of_program(built, viewer, folder)))
+            assert viewer.close_file() == "ball.nrrd"
+        print(f"two files of one name: {', '.join(f'{value:.1f}' for value in near)} dB from either volume")
+        first, second = near[:2], near[2:]
+        assert max(first) > NEAR and max(second) > NEAR and np.argmax(first) != np.argmax(second), near
+
+        for dropped, words in {
+            ("empty",): "empty: is a folder without files",
+            ("patient",): "patient: is a folder without TIFF or DICOM files, and no Zarr array; open a file in it, or one of "
+            "its subfolders, such as series 1",
+            ("bricks.adjs",): "bricks.adjs: is a collection of bricks",
+            ("twins",): "twins: is a folder without TIFF or DICOM files",
+            (*names, "twins/slices/slice7.tif"): "slice1.tif and 40 more: slice7.tif is the name of several slices",
+            ("one/half.mhd", "one/half.raw", "two/half.raw"): "half.mhd: half.raw is the name of several files",
+        }.items():
+            if len(dropped) > 1:
+                viewer.drop_served(*dropped)
+            else:
+                viewer.drop(path(*dropped))
+            wait(words, lambda words=words: (viewer.state().get("message") or "").startswith(words))
+            said = viewer.told()
+            print(said)
+            assert "virtual:" not in said and "\n" not in said and "OpenOptions" not in said, said
+            assert viewer.state()["files"] == 0
+
+        # Chosen from the menu.
+        viewer.page.mouse.click(*FOLDER[0])
+        with viewer.page.expect_file_chooser() as chooser:
+            time.sleep(0.5)
+            viewer.page.mouse.click(*FOLDER[1])
+        chooser.value.set_files(path("ball.zarr"))
+        wait("a folder that was chosen", lambda: viewer.state()["file"] == "ball.zarr")
+        check_built(viewer, path("ball.zarr"), folder)
+        viewer.close()
+
+        viewer = Viewer(browser, base, ENDLESS)
+        wait("the viewer", lambda: "message" in viewer.state())
+        viewer.drop(path("slices"))
+        wait("a question for the files", lambda: viewer.page.evaluate("globalThis.is_asked"))
+        time.sleep(0.5)
+        viewer.page.mouse.click(*CANCEL)
+        said = viewer.told()
+        print(said)
+        assert said == "endless was not opened" and not viewer.page.workers, said
+        viewer.close()
+    finally:
+        server.shutdown()
+    Held.may_go_on.clear()
+    server, base = serving(Held, root)
+    try:
+        viewer = Viewer(browser, base)
+        wait("the viewer", lambda: "message" in viewer.state())
+        viewer.drop(path("slices"))
+        wait("the worker", lambda: viewer.state() and viewer.page.workers)
+        viewer.page.mouse.click(*CANCEL)
+        wait("the worker's end", lambda: viewer.state() and not viewer.page.workers)
+        assert viewer.told() == "slices was not opened", viewer.told()
+        # A file that is gone before the worker reads it.
+        viewer.drop(path("slices"))
+        wait("the worker", lambda: viewer.state() and viewer.page.workers)
+        os.remove(slices[6])
+        Held.may_go_on.set()
+        wait("a line about it", lambda: "slice7.tif" in (viewer.state()["message"] or ""))
+        said = viewer.told()
+        print(said)
+        assert "the browser cannot read it" in said and "virtual:" not in said and "\n" not in said, said
+        viewer.close()
+    finally:
+        Held.may_go_on.set()
+        server.shutdown()
+    print("folders passed")
 
 
 def check_dropped(browser, files, folder):
@@ -777,6 +971,7 @@ def main():
         check_levels(browser, folder)
         check_dropped(browser, files, folder)
         check_volumes(browser, folder)
+        check_folders(browser, folder)
         check_memory(browser, files, folder)
         browser.close()
         browser = launch(["--disable-gpu", "--disable-features=WebGPU", "--disable-blink-features=WebGPU"])

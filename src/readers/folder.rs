@@ -6,6 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::files::{is_file, is_folder, names};
 use super::format::is_zarr;
 use super::open::{OpenOptions, file_name, with_feature};
 use super::slices::{open_files, raw_hint, sort};
@@ -26,12 +27,15 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     if let Some(source) = open_files(path, &files, options)? {
         return Ok(source);
     }
+    if files.is_empty() && folders.is_empty() {
+        return Err(Error::input(path.display().to_string(), "is a folder without files"));
+    }
     let mut why = "is a folder without TIFF or DICOM files, and no Zarr array; ".to_string();
     match (raw_hint(&files), folders.first()) {
         (Some(hint), _) => why += &format!("its {hint}"),
-        (None, None) => why += "name a file in it",
+        (None, None) => why += "open a file in it",
         (None, Some(first)) => {
-            why += &format!("name a file in it, or one of its subfolders, such as {}", file_name(first));
+            why += &format!("open a file in it, or one of its subfolders, such as {}", file_name(first));
         }
     }
     Err(Error::input(path.display().to_string(), why))
@@ -48,20 +52,21 @@ pub(super) struct Listing {
 /// Returns the files and subfolders of the folder at `path`.
 pub(super) fn list(path: &Path) -> Result<Listing> {
     let mut listing = Listing { files: Vec::new(), folders: Vec::new() };
-    for (seen, entry) in (1..).zip(std::fs::read_dir(path).map_err(Error::io("list", path))?) {
-        let entry = entry.map_err(Error::io("list", path))?.path();
+    for (seen, name) in (1..).zip(names(path).map_err(Error::io("list", path))?) {
+        let name = name.map_err(Error::io("list", path))?;
         if seen > MOST_ENTRIES {
             let what = format!("{}: entries", path.display());
             return Err(Error::Limit { what, need: seen, have: MOST_ENTRIES });
         }
-        if entry.file_name().is_none_or(|name| name.as_encoded_bytes().starts_with(b".")) {
+        if name.as_encoded_bytes().starts_with(b".") {
             continue;
         }
+        let entry = path.join(name);
         // Other entries, such as a broken link, are not part of a volume.
-        match std::fs::metadata(&entry) {
-            Ok(found) if found.is_file() => listing.files.push(entry),
-            Ok(found) if found.is_dir() => listing.folders.push(entry),
-            _ => {}
+        if is_file(&entry) {
+            listing.files.push(entry);
+        } else if is_folder(&entry) {
+            listing.folders.push(entry);
         }
     }
     for entries in [&mut listing.files, &mut listing.folders] {

@@ -18,7 +18,7 @@ use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
 
-use super::files::open_regular;
+use super::files::{is_file, open_regular};
 use super::{metaimage, nifti, slc, vti};
 use adjsplat::error::{Error, Result};
 
@@ -105,7 +105,7 @@ pub(super) fn is_tiff(probe: &[u8]) -> bool {
 
 /// Returns whether the folder at `path` is a Zarr node (an array or a group).
 pub(super) fn is_zarr(path: &Path) -> bool {
-    ZARR_MARKS.iter().any(|mark| path.join(mark).is_file())
+    ZARR_MARKS.iter().any(|mark| is_file(&path.join(mark)))
 }
 
 /// Returns the first bytes of the file at `path`.

@@ -55,7 +55,7 @@ mod vtk;
 mod zarr;
 
 pub use adjusted::AdjustedSource;
-pub use files::MemoryFiles;
+pub use files::{Content, VirtualFiles};
 pub use open::{OpenOptions, open, open_with};
 pub use raw::{RawOptions, parse_dims, parse_type};
 pub use slab::Endian;

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use super::files::open_regular;
+use super::files::{is_folder, open_regular};
 use super::format::{Format, probe};
 use super::raw::RawOptions;
 use super::{folder, metaimage, nifti, nrrd, raw, slc, vti, vtk};
@@ -135,7 +135,7 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> 
         let [x, y, z] = spacing;
         return Err(Error::input("spacing", format!("is {x}, {y}, {z}, but each must be finite and above 0")));
     }
-    if path.is_dir() {
+    if is_folder(path) {
         return folder::open(path, options);
     }
     let (_, len) = open_regular(path, "open")?;

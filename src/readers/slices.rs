@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::file_list::MAX_FILES;
+use super::files::length;
 use super::format::{Format, is_dicom, is_tiff, probe};
 use super::open::{OpenOptions, file_name, open, with_feature};
 use super::raw;
@@ -93,7 +94,7 @@ pub(super) fn open_files(path: &Path, files: &[PathBuf], options: &OpenOptions) 
 pub(super) fn raw_hint(files: &[PathBuf]) -> Option<String> {
     let mut sizes: BTreeMap<u64, (u64, &Path)> = BTreeMap::new();
     for file in files {
-        let len = std::fs::metadata(file).ok()?.len();
+        let len = length(file, "look for").ok()??;
         sizes.entry(len).or_insert((0, file)).0 += 1;
     }
     let (bytes, (count, first)) = sizes.into_iter().max_by_key(|(_, (count, _))| *count)?;

@@ -15,17 +15,19 @@ use crate::open::{Phase, Progress};
 /// The worker's script, beside the page.
 const SCRIPT: &str = "worker.js";
 
-/// Builds the volume in the first `count` of `files`: one file, or slices. The others lie beside it, for headers that name them.
+/// A volume that is to be built.
+pub(crate) struct Volume {
+    /// Its files, each with its path, and those beside it, which a header may name.
+    pub(crate) files: Vec<(String, File)>,
+    /// The paths that are opened: of a file, of a folder, or of slices.
+    pub(crate) opened: Vec<String>,
+}
+
+/// Builds a volume.
 ///
 /// # Errors
 /// [`Error::Input`] with the worker's sentence if there is no volume; [`Error::Interrupted`] if the user cancelled.
-pub(crate) async fn build(
-    name: &str,
-    files: Vec<File>,
-    count: usize,
-    progress: &Progress,
-    context: &Context,
-) -> Result<File> {
+pub(crate) async fn build(name: &str, volume: Volume, progress: &Progress, context: &Context) -> Result<File> {
     let failed = |_: JsValue| Error::input(name, "cannot be built: the browser begins no worker for it");
     let options = WorkerOptions::new();
     options.set_type(WorkerType::Module);
@@ -38,9 +40,11 @@ pub(crate) async fn build(
     worker.0.set_onmessage(Some(listen.as_ref().unchecked_ref()));
     worker.0.set_onerror(Some(fail.as_ref().unchecked_ref()));
     let task = Object::new();
+    let names = |names: Vec<String>| names.iter().map(|name| JsValue::from(name.as_str())).collect::<Array>();
+    let (paths, files): (Vec<_>, Vec<_>) = volume.files.into_iter().unzip();
     let files: Array = files.into_iter().collect();
-    for (key, value) in [("files", &files.into()), ("count", &JsValue::from(count))] {
-        Reflect::set(&task, &key.into(), value).map_err(failed)?;
+    for (key, value) in [("files", files), ("paths", names(paths)), ("opened", names(volume.opened))] {
+        Reflect::set(&task, &key.into(), &value).map_err(failed)?;
     }
     worker.0.post_message(&task).map_err(failed)?;
     loop {

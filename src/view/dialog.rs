@@ -13,6 +13,8 @@ use crate::open::Place;
 pub(crate) enum Purpose {
     /// To open it.
     OpenFile,
+    /// To open the volume in it, a folder.
+    OpenFolder,
     /// To write a picture.
     SavePicture,
     /// To read a transfer function.
@@ -63,6 +65,7 @@ async fn choose(purpose: Purpose) -> Choice {
     let dialog = rfd::FileDialog::new();
     let paths = failures::noted(|| match purpose {
         Purpose::OpenFile => dialog.set_title("Open files or volumes").pick_files(),
+        Purpose::OpenFolder => dialog.set_title("Open a folder").pick_folder().map(|path| vec![path]),
         Purpose::SavePicture => dialog
             .set_title("Save the picture")
             .set_file_name("picture.png")
@@ -149,6 +152,7 @@ mod failures {
 async fn choose(purpose: Purpose) -> Choice {
     Ok(match purpose {
         Purpose::OpenFile => Place::together(crate::page::choose("", true).await),
+        Purpose::OpenFolder => crate::page::choose_folder().await.map(Place::folder).into_iter().collect(),
         Purpose::LoadTransfer => {
             let mut places = Vec::new();
             for file in crate::page::choose(".json", false).await {

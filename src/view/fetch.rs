@@ -11,6 +11,7 @@ use std::sync::Arc;
 use adjsplat::Model;
 use adjsplat::arena::Directory;
 use adjsplat::arena::layout::MAGIC;
+use adjsplat::collection::MANIFEST;
 use adjsplat::error::{Error, Result};
 use adjsplat::limits::Limits;
 use adjsplat::splat::Lanes as _;
@@ -23,7 +24,8 @@ use wasm_bindgen::{JsCast as _, JsValue};
 use wasm_bindgen_futures::JsFuture;
 use web_sys::{AbortController, ReadableStreamDefaultReader, Request, RequestInit, Response};
 
-use crate::builder;
+use crate::builder::{self, Volume};
+use crate::folder::Folder;
 use crate::open::{Chosen, Opened, Phase, Place, Progress, model_of};
 use crate::remote::{PARTS, Reading, Remote, Source};
 
@@ -53,7 +55,8 @@ pub(crate) async fn open_address(
             all.check(&name, &(0..whole), whole, &got.version)?;
             got = all;
         }
-        return build(place, vec![got.file(&name)?], 1, progress, context).await;
+        let volume = Volume { files: vec![(name.clone(), got.file(&name)?)], opened: vec![name] };
+        return build(place, volume, progress, context).await;
     }
     let head = got.bytes()?;
     let Some(whole) = whole else {
@@ -79,19 +82,35 @@ pub(crate) async fn open_chosen(
             return open(place, File { name: &name, head, whole, is_adj: true }, file, progress, context).await;
         }
     }
-    build(place, chosen.files.clone(), chosen.count, progress, context).await
+    let files: Vec<_> = chosen.files.iter().map(|file| (file.name(), file.clone())).collect();
+    let opened = files.iter().take(chosen.count).map(|(path, _)| path.clone()).collect();
+    build(place, Volume { files, opened }, progress, context).await
 }
 
-/// Builds the volume in the first `count` of the files, and opens what was built.
-async fn build(
+/// Opens a folder that was chosen or dropped.
+pub(crate) async fn open_folder(
     place: &Place,
-    files: Vec<web_sys::File>,
-    count: usize,
+    folder: &Folder,
     progress: &Progress,
     context: &Context,
 ) -> Result<Opened> {
+    progress.set(Phase::Listing, 0, 1)?;
+    let files = folder.files(progress, context).await?;
+    progress.set(Phase::Opening, 0, 1)?;
+    let name = folder.name();
+    let manifest = format!("{name}/{MANIFEST}");
+    if files.iter().any(|(path, _)| *path == manifest) {
+        let why =
+            "is a collection of bricks, which a page does not read; make one file of it by adj join, or use adj view";
+        return Err(Error::input(name, why));
+    }
+    build(place, Volume { files, opened: vec![name.to_owned()] }, progress, context).await
+}
+
+/// Builds a volume, and opens what was built.
+async fn build(place: &Place, volume: Volume, progress: &Progress, context: &Context) -> Result<Opened> {
     let name = place.name();
-    let built = OnDisk::new(place, builder::build(&name, files, count, progress, context).await?);
+    let built = OnDisk::new(place, builder::build(&name, volume, progress, context).await?);
     let (head, whole) = (built.head().await?, built.whole());
     open(place, File { name: &name, head, whole, is_adj: false }, built, progress, context).await
 }

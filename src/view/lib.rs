@@ -19,6 +19,8 @@ pub mod draw;
 pub mod editor;
 #[cfg(target_arch = "wasm32")]
 mod fetch;
+#[cfg(target_arch = "wasm32")]
+mod folder;
 #[cfg(not(target_arch = "wasm32"))]
 mod local;
 pub mod look;

@@ -2,6 +2,8 @@
 //!
 //! In: a place. Out: progress, and in the end a model; a volume's is in memory. Opening can be cancelled.
 
+#[cfg(target_arch = "wasm32")]
+use std::collections::BTreeSet;
 use std::future::poll_fn;
 use std::path::{Path, PathBuf};
 use std::pin::pin;
@@ -20,6 +22,8 @@ use serde::Deserialize;
 
 use crate::background;
 use crate::editor::StoredValues;
+#[cfg(target_arch = "wasm32")]
+use crate::folder::Folder;
 use crate::remote::Remote;
 
 /// Where a file is.
@@ -37,6 +41,9 @@ pub enum Place {
     /// Chosen in a browser, or dropped onto a page.
     #[cfg(target_arch = "wasm32")]
     Chosen(Arc<SendWrapper<Chosen>>),
+    /// A folder, likewise.
+    #[cfg(target_arch = "wasm32")]
+    Folder(Arc<SendWrapper<Folder>>),
 }
 
 /// Files of a browser.
@@ -50,25 +57,35 @@ pub struct Chosen {
 }
 
 impl Place {
-    /// Returns what is to be opened of files of this machine that were dropped or chosen together.
+    /// Returns what is to be opened of files and folders of this machine that were dropped or chosen together: each folder by itself.
     #[cfg(not(target_arch = "wasm32"))]
     pub(crate) fn together(paths: Vec<PathBuf>) -> Vec<Place> {
         let place = |mut paths: Vec<PathBuf>| match paths.len() {
             1 => Place::Path(paths.remove(0)),
             _ => Place::Slices(paths),
         };
-        groups(paths, PathBuf::clone).into_iter().map(place).collect()
+        let (folders, files): (Vec<_>, Vec<_>) = paths.into_iter().partition(|path| path.is_dir());
+        folders.into_iter().map(Place::Path).chain(groups(files, PathBuf::clone).into_iter().map(place)).collect()
     }
 
-    /// Returns what is to be opened of files that were dropped or chosen together in a browser. All lie beside one another.
+    /// Returns what is to be opened of files that were dropped or chosen together in a browser. All lie beside one another, as far
+    /// as their names differ.
     #[cfg(target_arch = "wasm32")]
     pub(crate) fn together(files: Vec<web_sys::File>) -> Vec<Place> {
-        let place = |opened: Vec<web_sys::File>| {
-            let others = files.iter().filter(|file| !opened.contains(file));
-            let all = opened.iter().chain(others).cloned().collect();
+        let files: Vec<_> = files.into_iter().map(|file| (file.name(), file)).collect();
+        let place = |opened: Vec<(String, web_sys::File)>| {
+            let names: BTreeSet<&str> = opened.iter().map(|(name, _)| name.as_str()).collect();
+            let others = files.iter().filter(|(name, _)| !names.contains(name.as_str()));
+            let all = opened.iter().chain(others).map(|(_, file)| file.clone()).collect();
             Place::Chosen(Arc::new(SendWrapper::new(Chosen { files: all, count: opened.len() })))
         };
-        groups(files.clone(), |file| file.name().into()).into_iter().map(place).collect()
+        groups(files.clone(), |(name, _)| name.into()).into_iter().map(place).collect()
+    }
+
+    /// Returns the place of a folder that was dropped or chosen in a browser.
+    #[cfg(target_arch = "wasm32")]
+    pub(crate) fn folder(folder: Folder) -> Place {
+        Place::Folder(Arc::new(SendWrapper::new(folder)))
     }
 
     /// Returns the name of the file, without folders.
@@ -86,6 +103,8 @@ impl Place {
             }
             #[cfg(target_arch = "wasm32")]
             Place::Chosen(chosen) => several(chosen.files[0].name(), chosen.count),
+            #[cfg(target_arch = "wasm32")]
+            Place::Folder(folder) => folder.name().to_owned(),
         }
     }
 
@@ -255,11 +274,14 @@ pub(crate) enum Phase {
     Building,
     #[cfg_attr(not(target_arch = "wasm32"), expect(dead_code, reason = "pages fetch"))]
     Fetching,
+    #[cfg_attr(not(target_arch = "wasm32"), expect(dead_code, reason = "pages list folders before they open them"))]
+    Listing,
     Counting,
 }
 
 /// The names of the phases.
-const PHASES: [&str; 6] = ["Opening", "Looking at the values", "Reading", "Building", "Fetching", "Counting values"];
+const PHASES: [&str; 7] =
+    ["Opening", "Looking at the values", "Reading", "Building", "Fetching", "Listing files", "Counting values"];
 
 impl Opening {
     /// Begins to open a file that is to be shown as `wish` says.
@@ -313,6 +335,8 @@ async fn open(place: &Place, progress: &Progress, context: &Context) -> Result<O
         Place::Slices(paths) => (crate::local::build(paths, progress, context)?, false),
         #[cfg(target_arch = "wasm32")]
         Place::Chosen(chosen) => return crate::fetch::open_chosen(place, chosen, progress, context).await,
+        #[cfg(target_arch = "wasm32")]
+        Place::Folder(folder) => return crate::fetch::open_folder(place, folder, progress, context).await,
     };
     progress.set(Phase::Counting, 0, 1)?;
     Opened::new(place, model, is_adj, None)
@@ -371,6 +395,18 @@ mod tests {
         assert_eq!(groups(vec!["brain.raw", "brain.mhd"], |name| name.into()), [["brain.mhd"]]);
         assert_eq!(grouped(&["brain.raw"]), [1]);
         assert_eq!(grouped(&[]), [0; 0]);
+    }
+
+    #[test]
+    fn folders_that_are_dropped_together_are_opened_each_by_itself() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        for name in ["t1", "t2"] {
+            std::fs::create_dir(path(name)).unwrap();
+        }
+        let places = Place::together(["t1", "1.dcm", "t2", "2.dcm"].map(path).into());
+        let names: Vec<_> = places.iter().map(Place::name).collect();
+        assert_eq!(names, ["t1", "t2", "1.dcm and 1 more"]);
     }
 
     #[test]

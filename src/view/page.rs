@@ -16,12 +16,13 @@ use wasm_bindgen::closure::Closure;
 use wasm_bindgen::prelude::wasm_bindgen;
 use wasm_bindgen::{JsCast as _, JsValue};
 use wasm_bindgen_futures::JsFuture;
-use web_sys::{Blob, File, HtmlAnchorElement, HtmlCanvasElement, HtmlInputElement, Url, UrlSearchParams};
+use web_sys::{Blob, DragEvent, File, HtmlAnchorElement, HtmlCanvasElement, HtmlInputElement, Url, UrlSearchParams};
 
 use crate::Window;
 use crate::app::Viewer;
 use crate::document::Document;
 use crate::draw::{Completeness, Renderer};
+use crate::folder::{self, Folder};
 use crate::open::{Place, Wish};
 use crate::recent::RecentFiles;
 
@@ -41,10 +42,27 @@ pub async fn start(canvas: HtmlCanvasElement) -> std::result::Result<(), JsValue
         Ok(Box::new(window))
     });
     let options = WebOptions { dithering: false, ..WebOptions::default() };
+    listen_for_drops(&canvas)?;
     WebRunner::new().start(canvas, options, create).await
 }
 
+/// Notes what is dropped onto the canvas. The list that eframe makes of it has folders as files without content.
+fn listen_for_drops(canvas: &HtmlCanvasElement) -> std::result::Result<(), JsValue> {
+    let listen = Closure::<dyn Fn(DragEvent)>::new(|event: DragEvent| {
+        let places = event.data_transfer().map_or_else(Vec::new, |dropped| folder::dropped(&dropped));
+        DROPPED.with_borrow_mut(|dropped| dropped.extend(places));
+    });
+    canvas.add_event_listener_with_callback("drop", listen.into_js_value().unchecked_ref())
+}
+
+/// Returns what was dropped since the last call.
+pub(crate) fn dropped() -> Vec<Place> {
+    DROPPED.take()
+}
+
 thread_local! {
+    /// What was dropped and is not opened yet.
+    static DROPPED: RefCell<Vec<Place>> = const { RefCell::new(Vec::new()) };
     /// What is shown, as JSON, and the picture.
     static SHOWN: RefCell<(String, Option<Arc<ColorImage>>)> = const { RefCell::new((String::new(), None)) };
 }
@@ -55,6 +73,7 @@ pub(crate) fn publish(viewer: &Viewer) {
     let shown = document.and_then(|document| document.painter.shown());
     let state = json!({
         "file": document.map(|document| &document.title),
+        "files": viewer.documents().len(),
         "fetched": document.and_then(Document::fetched),
         "view": document.map(|document| document.look.eye.to_text()),
         "camera": document.and_then(|document| document.look.eye.camera().ok()),
@@ -78,7 +97,7 @@ pub(crate) fn memory() -> u64 {
     core::arch::wasm32::memory_size(0) as u64 * 65_536
 }
 
-/// Returns what is shown, as JSON: file, view, background, quality and size of the picture, messages, the picked voxel, and
+/// Returns what is shown, as JSON: file, number of open files, view, background, quality and size of the picture, messages, the picked voxel, and
 /// the bytes of the program's memory.
 #[wasm_bindgen]
 pub fn state() -> String {
@@ -124,14 +143,22 @@ fn document() -> web_sys::Document {
 
 /// Lets the user choose a file with this ending (of any kind without one), or several; none if the choice was cancelled.
 pub(crate) async fn choose(ending: &str, several: bool) -> Vec<File> {
-    chosen(ending, several).await.unwrap_or_default()
+    let prepare = |input: &HtmlInputElement| {
+        input.set_accept(ending);
+        input.set_multiple(several);
+    };
+    chosen(prepare).await.unwrap_or_default()
 }
 
-async fn chosen(ending: &str, several: bool) -> Option<Vec<File>> {
+/// Lets the user choose a folder; `None` if the choice was cancelled, or the folder holds no file.
+pub(crate) async fn choose_folder() -> Option<Folder> {
+    Folder::chosen(chosen(|input| input.set_webkitdirectory(true)).await?)
+}
+
+async fn chosen(prepare: impl FnOnce(&HtmlInputElement)) -> Option<Vec<File>> {
     let input: HtmlInputElement = document().create_element("input").ok()?.dyn_into().ok()?;
     input.set_type("file");
-    input.set_accept(ending);
-    input.set_multiple(several);
+    prepare(&input);
     let (sender, chosen) = oneshot::channel();
     let sender = std::cell::RefCell::new(Some(sender));
     let done = Closure::<dyn Fn()>::new(move || {

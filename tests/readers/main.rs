@@ -6,12 +6,12 @@
 mod damage;
 mod dicom;
 mod malformed;
-mod memory;
 mod nifti;
 mod real;
 mod sample;
 mod slc;
 mod tiff;
 mod variants;
+mod virtual_files;
 mod vti;
 mod zarr;

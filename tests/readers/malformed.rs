@@ -29,7 +29,7 @@ fn files_that_are_not_there_or_no_files() {
     let missing = folder.path().join("none.nrrd");
     refused(&missing, &["cannot open", "none.nrrd"]);
     assert!(matches!(read(&missing), Err(Error::Io { action: "open", .. })));
-    refused(folder.path(), &["is a folder", "name a file in it"]);
+    refused(folder.path(), &["is a folder without files"]);
     refused(&folder.write("empty.nii", &[]), &["an empty file"]);
     expect_refused(&folder.write("empty.raw", &[]), &raw_options(DIMS, SampleType::U8), &["an empty file"]);
 }

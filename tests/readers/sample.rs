@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use adjsplat::volume::{Header, SampleType, Samples};
 use adjsplat::{Result, with_samples};
-use adjsplat_readers::{Endian, OpenOptions, open};
+use adjsplat_readers::{Endian, OpenOptions, VirtualFiles, open};
 
 /// Its points along x, y, z.
 pub(crate) const DIMS: [u64; 3] = [4, 3, 2];
@@ -84,13 +84,55 @@ impl Folder {
 }
 
 /// A volume as read from a file.
+#[derive(Debug)]
 pub(crate) struct Read {
     pub(crate) header: Header,
     pub(crate) samples: Samples,
 }
 
-/// Reads all of the volume at `path`, twice, and checks that both readings agree.
+/// Reads all of the volume at `path`, twice, and checks that both readings agree. A folder must give the same volume, or the same
+/// error, as virtual files.
 pub(crate) fn read_with(path: &Path, options: &OpenOptions) -> Result<Read> {
+    let read = read_at(path, options);
+    let name = path.file_name().and_then(|name| name.to_str()).expect("test files have names");
+    if path.is_dir()
+        && let Some(copy) = virtual_copy(path, name)
+    {
+        let copied = copy.path(name);
+        match (&read, read_at(&copied, options)) {
+            (Ok(read), Ok(copy)) => {
+                assert_eq!(read.header, copy.header, "{}", path.display());
+                assert!(read.samples.bytes() == copy.samples.bytes(), "{}: other virtual samples", path.display());
+            }
+            (Err(fault), Err(copy)) => {
+                let text = copy.with_causes().replace(&copied.display().to_string(), &path.display().to_string());
+                assert_eq!(text, fault.with_causes());
+            }
+            (read, copy) => panic!("{}: {read:?}, as virtual files {copy:?}", path.display()),
+        }
+    }
+    read
+}
+
+/// The files in a folder and below it, as virtual files in a folder `name`; `None` without files, as virtual folders have some.
+fn virtual_copy(folder: &Path, name: &str) -> Option<VirtualFiles> {
+    fn add(folder: &Path, name: &str, files: &mut Vec<(String, Vec<u8>)>) {
+        for entry in std::fs::read_dir(folder).expect("the folder can be listed") {
+            let path = entry.expect("the folder can be listed").path();
+            let name = format!("{name}/{}", path.file_name().and_then(|name| name.to_str()).expect("a name is text"));
+            if path.is_dir() {
+                add(&path, &name, files);
+            } else if path.is_file() {
+                files.push((name, std::fs::read(path).expect("the file can be read")));
+            }
+        }
+    }
+    let mut files = Vec::new();
+    add(folder, name, &mut files);
+    (!files.is_empty()).then(|| VirtualFiles::new(files).expect("a folder has no two files of one name"))
+}
+
+fn read_at(path: &Path, options: &OpenOptions) -> Result<Read> {
     let mut source = open(path, options)?;
     let header = source.header().clone();
     let len = usize::try_from(header.grid.points()).expect("test volumes are small");

@@ -790,7 +790,7 @@ fn folders_that_are_no_stack_are_refused_by_the_file_at_fault() {
     let names = ["s1.tif", "s2.tif", "s3.tif"];
     let folder = Folder::new();
     folder.write("a.txt", &[b"hello"]);
-    refused(folder.path(), &["is a folder without TIFF or DICOM files", "name a file in it"]);
+    refused(folder.path(), &["is a folder without TIFF or DICOM files", "open a file in it"]);
     let raw = adjsplat_readers::RawOptions::new(DIMS, SampleType::U8);
     expect_refused(folder.path(), &OpenOptions::new().raw(raw), &["has 0 files of 12 bytes", "name it"]);
     let folder = stack(&names, &tiff, &pages);

@@ -505,7 +505,7 @@ fn chunks_that_are_not_what_their_array_says_are_refused() {
     fails(&blosc, &whole[..whole.len() - 9], &["breaks off"]);
     fails(&blosc, &whole[..7], &["Blosc frame"]);
     let path = store_2(&folder, "b", &array_2("<u2"), &[]);
-    std::fs::create_dir(path.join("0.0.0")).expect("the folder can be written");
+    write(&path.join("0.0.0/file"), "");
     refused(&path, &["is a folder"]);
 }
 

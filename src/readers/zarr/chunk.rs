@@ -4,14 +4,13 @@
 //! fact that it was never written. If chunks are shards (files of many chunks), the shard's index is read first, then
 //! one chunk inside the shard. Below, "chunk" means this inner chunk.
 
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use super::metadata::{Shard, ZarrArray};
 use super::packing::{crc32c, unpack};
+use crate::files::{File, exists, open_regular};
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::open_regular;
 
 /// The largest number of bytes by which packing may lengthen a chunk; no packing in use adds more.
 const PACKED_SLACK: u64 = 1 << 16;
@@ -62,7 +61,7 @@ impl ChunkReader {
     pub(super) fn read(&mut self, index: &[u64]) -> Result<Option<Vec<u8>>> {
         let Some(shard) = self.array.shard.clone() else {
             let path = chunk_path(&self.array, index);
-            if !exists(&path)? {
+            if !exists(&path).map_err(Error::io("open chunk", &path))? {
                 return Ok(None);
             }
             let (file, len) = open_regular(&path, "open chunk")?;
@@ -112,7 +111,7 @@ impl ChunkReader {
     }
 
     fn open_shard(&self, path: &Path, shard: &Shard) -> Result<Option<ShardFile>> {
-        if !exists(path)? {
+        if !exists(path).map_err(Error::io("open shard", path))? {
             return Ok(None);
         }
         let (mut file, len) = open_regular(path, "open shard")?;
@@ -124,7 +123,7 @@ impl ChunkReader {
         };
         let start = if shard.index_at_end { start } else { 0 };
         let mut index = Vec::new();
-        let read = file.seek(SeekFrom::Start(start)).and_then(|_| (&file).take(summed).read_to_end(&mut index));
+        let read = file.seek(SeekFrom::Start(start)).and_then(|_| file.by_ref().take(summed).read_to_end(&mut index));
         read.map_err(Error::io("read", path))?;
         if shard.index_summed {
             let sum = index.split_off(index.len().saturating_sub(4));
@@ -156,8 +155,4 @@ fn chunk_path(array: &ZarrArray, index: &[u64]) -> PathBuf {
         name += &number.to_string();
     }
     array.path.join(if name.is_empty() { "0" } else { &name })
-}
-
-fn exists(path: &Path) -> Result<bool> {
-    path.try_exists().map_err(Error::io("open chunk", path))
 }

@@ -7,15 +7,16 @@
 //! Source: Zarr storage specification version 2; Zarr core specification version 3.1 and its codecs
 //! (zarr-specs.readthedocs.io).
 
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
 
 use super::packing::Packing;
+use crate::files::{is_file, open_regular};
 use crate::raw::type_by_name;
 use crate::slab::Endian;
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::read_text;
 use adjsplat::volume::SampleType;
 
 /// The largest supported number of dimensions of an array.
@@ -75,7 +76,7 @@ pub(super) struct Shard {
 /// that is not supported; [`Error::Limit`] if a size is too large.
 pub(super) fn read(path: &Path) -> Result<ZarrNode> {
     let newer = path.join("zarr.json");
-    if newer.is_file() {
+    if is_file(&newer) {
         let fields = JsonFields::read(&newer)?;
         let attributes = fields.map("attributes")?.cloned().unwrap_or_default();
         return match fields.text("node_type")? {
@@ -85,9 +86,9 @@ pub(super) fn read(path: &Path) -> Result<ZarrNode> {
         };
     }
     let attributes = path.join(".zattrs");
-    let attributes = if attributes.is_file() { JsonFields::read(&attributes)?.fields } else { Map::new() };
+    let attributes = if is_file(&attributes) { JsonFields::read(&attributes)?.fields } else { Map::new() };
     let array = path.join(".zarray");
-    let array = if array.is_file() { Some(JsonFields::read(&array)?.array_2(path, &attributes)?) } else { None };
+    let array = if is_file(&array) { Some(JsonFields::read(&array)?.array_2(path, &attributes)?) } else { None };
     Ok(ZarrNode { attributes, array })
 }
 
@@ -99,7 +100,12 @@ struct JsonFields {
 
 impl JsonFields {
     fn read(path: &Path) -> Result<JsonFields> {
-        let text = read_text(path, METADATA_BYTES)?;
+        let (file, need) = open_regular(path, "read")?;
+        if need > METADATA_BYTES {
+            return Err(Error::Limit { what: format!("bytes of {}", path.display()), need, have: METADATA_BYTES });
+        }
+        let mut text = String::new();
+        file.take(METADATA_BYTES).read_to_string(&mut text).map_err(Error::io("read", path))?;
         match serde_json::from_str(&text) {
             Ok(Value::Object(fields)) => Ok(JsonFields { path: path.to_path_buf(), fields }),
             Ok(other) => Err(Error::format(path, 0, "Zarr metadata", "a JSON object", clip(&other))),

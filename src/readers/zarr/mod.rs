@@ -100,7 +100,7 @@ fn find(path: &Path, depth: usize) -> Result<ZarrContent> {
             let more = if children.len() > MOST_LISTED { ", ..." } else { "" };
             let why = match names.as_slice() {
                 [] => "is a Zarr group without arrays".to_string(),
-                _ => format!("is a Zarr group of several; name one of its folders: {}{more}", names.join(", ")),
+                _ => format!("is a Zarr group of several; open one of its folders: {}{more}", names.join(", ")),
             };
             Err(Error::input(path.display().to_string(), why))
         }

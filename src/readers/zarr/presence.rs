@@ -7,6 +7,7 @@
 use std::path::{Path, PathBuf};
 
 use super::metadata::ZarrArray;
+use crate::files;
 use adjsplat::error::{Error, Result};
 
 /// The largest number of files that a volume's chunks may be in.
@@ -171,13 +172,13 @@ impl Listing {
 /// Returns the names in the folder at `path`; none if there is no such folder. Names that are no text are left out.
 fn names(path: &Path) -> Result<impl Iterator<Item = Result<String>> + use<>> {
     let path = PathBuf::from(path);
-    let entries = match std::fs::read_dir(&path) {
+    let entries = match files::names(&path) {
         Ok(entries) => Some(entries),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
         Err(error) => return Err(Error::io("list", &path)(error)),
     };
     Ok(entries.into_iter().flatten().filter_map(move |entry| match entry {
-        Ok(entry) => entry.file_name().into_string().ok().map(Ok),
+        Ok(name) => name.into_string().ok().map(Ok),
         Err(error) => Some(Err(Error::io("list", &path)(error))),
     }))
 }

@@ -23,9 +23,13 @@ impl Viewer {
                     self.dialog = Some(Dialog::begin(Purpose::OpenFile, &context));
                     ui.close();
                 }
+                if ui.button("Folder…").on_hover_text("DICOM or TIFF slices, or Zarr").clicked() {
+                    self.dialog = Some(Dialog::begin(Purpose::OpenFolder, &context));
+                    ui.close();
+                }
                 let (title, what) = match cfg!(target_arch = "wasm32") {
                     true => ("Address…", "Type the address of an .adj file or a volume on this page's server"),
-                    false => ("Path…", "Type a path; a folder of DICOM slices, for example"),
+                    false => ("Path…", "Type the path of a file or a folder"),
                 };
                 if ui.button(title).on_hover_text(what).clicked() {
                     self.typed_path = Some((Purpose::OpenFile, String::new()));

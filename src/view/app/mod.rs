@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use adjsplat::TransferFunction;
 use adjsplat::error::{Error, Result};
-use egui::{CentralPanel, Context, DroppedFileHandle, Key, Modifiers, Panel, Theme, Ui};
+use egui::{CentralPanel, Context, Key, Modifiers, Panel, Theme, Ui};
 
 use crate::dialog::{Dialog, NoDialog, Purpose};
 use crate::document::Document;
@@ -134,8 +134,7 @@ impl Viewer {
     }
 
     fn take_dropped(&mut self, context: &Context) {
-        let dropped = context.input(|input| input.raw.dropped_files.clone());
-        places(dropped).into_iter().for_each(|place| self.open(context, place));
+        dropped(context).into_iter().for_each(|place| self.open(context, place));
     }
 
     /// Takes what threads and dialogs have finished.
@@ -202,7 +201,7 @@ impl Viewer {
 
     /// Does what a file was chosen for.
     fn chosen(&mut self, context: &Context, purpose: Purpose, mut places: Vec<Place>) {
-        if purpose == Purpose::OpenFile {
+        if matches!(purpose, Purpose::OpenFile | Purpose::OpenFolder) {
             return places.into_iter().for_each(|place| self.open(context, place));
         }
         let Some(place) = places.pop() else { return };
@@ -212,7 +211,7 @@ impl Viewer {
         let path = if is_turn && purpose == Purpose::SavePicture { "turn.apng".as_ref() } else { path };
         let Some(document) = self.documents.get_mut(self.active) else { return };
         let result = match purpose {
-            Purpose::OpenFile => Ok(()),
+            Purpose::OpenFile | Purpose::OpenFolder => Ok(()),
             Purpose::SavePicture => {
                 if let Some(form) = self.form {
                     // On a desktop the processor, whose pictures are those of `adj render` bit for bit.
@@ -291,16 +290,17 @@ impl Viewer {
 const NO_DIALOG: &str = "this desktop has no dialogs for files (neither a portal, xdg-desktop-portal, nor zenity); type a path. Files \
     to open can also be dragged into the window, or named after adj view";
 
-/// Returns where files are that were dropped together.
+/// Returns where files and folders are that were dropped.
 #[cfg(not(target_arch = "wasm32"))]
-fn places(dropped: Vec<DroppedFileHandle>) -> Vec<Place> {
+fn dropped(context: &Context) -> Vec<Place> {
+    let dropped = context.input(|input| input.raw.dropped_files.clone());
     Place::together(dropped.iter().map(|file| file.path().to_path_buf()).collect())
 }
 
-/// Returns where files are that were dropped together.
+/// Returns where files and folders are that were dropped.
 #[cfg(target_arch = "wasm32")]
-fn places(dropped: Vec<DroppedFileHandle>) -> Vec<Place> {
-    Place::together(dropped.iter().filter_map(|file| file.web_file().cloned()).collect())
+fn dropped(_: &Context) -> Vec<Place> {
+    crate::page::dropped()
 }
 
 /// Reads the transfer function at a place.

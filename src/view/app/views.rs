@@ -12,7 +12,9 @@ impl Viewer {
         if self.documents.is_empty() {
             let text = match self.openings.is_empty() {
                 false => "Opening …",
-                true => "Drop a file here, or choose Open: an .adj file, or a volume (DICOM, NIfTI, NRRD, TIFF …)",
+                true => {
+                    "Drop a file or a folder here, or choose Open: an .adj file, or a volume (DICOM, NIfTI, NRRD, TIFF, Zarr …)"
+                }
             };
             let rect = ui.available_rect_before_wrap();
             overlay::message(ui.painter(), rect, text, ui.visuals().weak_text_color());

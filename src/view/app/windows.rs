@@ -61,8 +61,8 @@ impl Viewer {
         let mut chosen = false;
         let is_page = cfg!(target_arch = "wasm32");
         let (title, example, verb) = match purpose {
-            Purpose::OpenFile if is_page => ("Open an address", "head.adj", "Open"),
-            Purpose::OpenFile => ("Open a path", "/data/head.adj", "Open"),
+            Purpose::OpenFile | Purpose::OpenFolder if is_page => ("Open an address", "head.adj", "Open"),
+            Purpose::OpenFile | Purpose::OpenFolder => ("Open a path", "/data/head.adj", "Open"),
             Purpose::SavePicture => ("Save the picture to a path", "/data/picture.png", "Save"),
             Purpose::LoadTransfer => ("Load a transfer function from a path", "/data/transfer.json", "Load"),
             Purpose::SaveTransfer => ("Save the transfer function to a path", "/data/transfer.json", "Save"),
