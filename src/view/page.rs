@@ -97,8 +97,8 @@ pub(crate) fn memory() -> u64 {
     core::arch::wasm32::memory_size(0) as u64 * 65_536
 }
 
-/// Returns what is shown, as JSON: file, number of open files, view, background, quality and size of the picture, messages, the picked voxel, and
-/// the bytes of the program's memory.
+/// Returns what is shown, as JSON: file, number of open files, view, background, quality and size of the picture, messages, the
+/// picked voxel, and the bytes of the program's memory.
 #[wasm_bindgen]
 pub fn state() -> String {
     SHOWN.with_borrow(|shown| shown.0.clone())

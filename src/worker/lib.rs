@@ -1,7 +1,7 @@
 //! The web worker of the page: builds volumes beside the page, which answers meanwhile.
 //!
-//! In: files of a browser, their paths, and which of them are the volume. Out: progress, then the bytes of an `.adj` file, which shows what the
-//! volume suggests. A browser runs this on a thread of its own; the page stops the build by ending the worker.
+//! In: files of a browser, their paths, and which of them are the volume. Out: progress, then the bytes of an `.adj` file, which
+//! shows what the volume suggests. A browser runs this on a thread of its own; the page stops the build by ending the worker.
 #![cfg(target_arch = "wasm32")]
 
 use std::collections::BTreeSet;
