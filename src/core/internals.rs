@@ -8,7 +8,7 @@ pub use crate::splat::levels::{LevelPart, drawn_levels, level_kernel, level_orde
 pub use crate::splat::setup::FrameSetup;
 pub use crate::splat::supersample::supersampled;
 pub use crate::splat::view::{Affine, PixelMap};
-pub use crate::text::{open_regular, read_text};
+pub use crate::text::{open_regular, read_text, text_of};
 
 /// The two stages of the processor's renderer, for studies that feed them with voxels from other data structures.
 pub mod scatter {

@@ -1,7 +1,7 @@
 //! Reads small text files, such as transfer functions and headers, as a whole.
 
 use std::fs::File;
-use std::io::Read as _;
+use std::io::Read;
 use std::path::Path;
 
 use crate::error::{Error, Result};
@@ -30,7 +30,14 @@ pub fn open_regular(path: &Path, action: &'static str) -> Result<(File, u64)> {
 /// [`Error::Io`] if the file cannot be read or is not UTF-8; [`Error::Input`] if it is not a regular file;
 /// [`Error::Limit`] if it is longer.
 pub fn read_text(path: &Path, most: u64) -> Result<String> {
-    let (file, need) = open_regular(path, "read")?;
+    text_of(open_regular(path, "read")?, path, most)
+}
+
+/// Reads the text in a file that was opened, whose length is given in bytes; see [`read_text`].
+///
+/// # Errors
+/// [`Error::Io`] if the file cannot be read or is not UTF-8; [`Error::Limit`] if it is longer than `most` bytes.
+pub fn text_of((file, need): (impl Read, u64), path: &Path, most: u64) -> Result<String> {
     if need > most {
         return Err(Error::Limit { what: format!("bytes of {}", path.display()), need, have: most });
     }

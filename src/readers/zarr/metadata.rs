@@ -7,7 +7,6 @@
 //! Source: Zarr storage specification version 2; Zarr core specification version 3.1 and its codecs
 //! (zarr-specs.readthedocs.io).
 
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
@@ -17,6 +16,7 @@ use crate::files::{is_file, open_regular};
 use crate::raw::type_by_name;
 use crate::slab::Endian;
 use adjsplat::error::{Error, Result};
+use adjsplat::internals::text_of;
 use adjsplat::volume::SampleType;
 
 /// The largest supported number of dimensions of an array.
@@ -100,12 +100,7 @@ struct JsonFields {
 
 impl JsonFields {
     fn read(path: &Path) -> Result<JsonFields> {
-        let (file, need) = open_regular(path, "read")?;
-        if need > METADATA_BYTES {
-            return Err(Error::Limit { what: format!("bytes of {}", path.display()), need, have: METADATA_BYTES });
-        }
-        let mut text = String::new();
-        file.take(METADATA_BYTES).read_to_string(&mut text).map_err(Error::io("read", path))?;
+        let text = text_of(open_regular(path, "read")?, path, METADATA_BYTES)?;
         match serde_json::from_str(&text) {
             Ok(Value::Object(fields)) => Ok(JsonFields { path: path.to_path_buf(), fields }),
             Ok(other) => Err(Error::format(path, 0, "Zarr metadata", "a JSON object", clip(&other))),

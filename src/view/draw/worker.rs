@@ -31,8 +31,9 @@ pub enum Renderer {
 pub(super) struct Request {
     pub(super) model: Model,
     pub(super) look: Look,
+    /// The columns and rows that are drawn.
     pub(super) size: [u32; 2],
-    /// The columns and rows of the view, if the picture has fewer.
+    /// The columns and rows of the view, which drafts are stretched to.
     pub(super) view: [u32; 2],
     pub(super) quality: Quality,
     /// Counts the looks that were asked for.

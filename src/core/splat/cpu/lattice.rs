@@ -52,18 +52,13 @@ const WIDEST: f64 = 3.0;
 /// Least distance from the eye to the nearest slice, in voxels: nearer slices are seen under too many angles.
 const NEAREST: f64 = 8.0;
 
-/// Pixels of the plane per standard deviation of the kernel. Measured: docs/studies/sampling.md.
-struct Density {
-    /// Where the picture shows all detail of matter that is not opaque.
-    wide: f64,
-    /// Where voxels are small.
-    small: f64,
-    /// Where they are small and lie beside the points of the grid, as those of levels (docs/studies/levels.md).
-    beside: f64,
-}
-
-const ENOUGH: Density = Density { wide: 0.93, small: 0.7, beside: 0.4 };
-const FEWEST: Density = Density { wide: 0.62, small: 0.7, beside: 0.4 };
+/// Pixels of the plane per standard deviation of the kernel, where the picture shows all detail of matter that is not opaque:
+/// for [`Sampling::Enough`] and [`Sampling::Fewest`]. Measured: docs/studies/sampling.md.
+const WIDE_VOXELS: [f64; 2] = [0.93, 0.62];
+/// The same where voxels are small.
+const SMALL_VOXELS: f64 = 0.7;
+/// The same where they are small and lie beside the points of the grid, as those of levels (docs/studies/levels.md).
+const SMALL_VOXELS_BESIDE: f64 = 0.4;
 /// The most pixels of the plane that are worthwhile per pixel of the picture, along a side, unless voxels are small.
 const PER_PIXEL: f64 = 1.35;
 /// The same where a filter follows and voxels are opaque, as their edges are finer than the filter; and the sharpness from
@@ -201,10 +196,10 @@ impl Lattice {
         deepest: impl FnOnce() -> f64,
         settings: &Settings,
     ) -> Option<Lattice> {
-        let density = match settings.sampling() {
+        let wide = match settings.sampling() {
             Sampling::EveryPixel | Sampling::Finer => return None,
-            Sampling::Enough => ENOUGH,
-            Sampling::Fewest => FEWEST,
+            Sampling::Enough => WIDE_VOXELS[0],
+            Sampling::Fewest => WIDE_VOXELS[1],
         };
         let is_drawn = match settings.mode {
             Mode::Composite => settings.sense == Sense::FrontToBack && settings.blending == Blending::Exponential,
@@ -226,8 +221,8 @@ impl Lattice {
         if settings.mode == Mode::Additive && sharpness > 1.0 {
             return None;
         }
-        let samples = move |step: f64, least: f64| (density.wide * sharpness).min(least.max(per_pixel * step * sigma));
-        let small = if view.margin > 0.0 { density.beside } else { density.small };
+        let samples = move |step: f64, least: f64| (wide * sharpness).min(least.max(per_pixel * step * sigma));
+        let small = if view.margin > 0.0 { SMALL_VOXELS_BESIDE } else { SMALL_VOXELS };
         let choose = |step: f64| samples(step, small) / sigma;
         let choose_far = |step: f64| samples(step, 0.0) / sigma;
         let nested = [order.slow.index(), order.fast.index(), order.medium.index()];
