@@ -1,7 +1,8 @@
 //! Bytes for screens and picture files, without a power for each.
 //!
-//! In: linear light. Out: the nearest sRGB byte. The exponent and the first bits of a number say which byte it is, or which
-//! of two; the number where the second begins decides. For a picture of 934 x 624 pixels, powers take 16 ms, this table 3.
+//! In: linear light. Out: the nearest sRGB byte. The exponent and the first bits of a number choose a part of a table, which holds
+//! one byte or two. If it holds two, the number is compared with the least number of the second. For a picture of 934 x 624
+//! pixels, powers take 16 ms, this table 3.
 
 use std::sync::LazyLock;
 

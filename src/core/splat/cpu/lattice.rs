@@ -38,9 +38,9 @@ use crate::traverse::{Order, Sense, Viewpoint, VoxelBox};
 /// Width of the plane's margin around the voxels, in its pixels after halving, so that the voxels' edge is interpolated
 /// correctly.
 const MARGIN: f64 = 6.0;
-/// Largest ratio of the plane's pixel count to the picture's (over the same area) at which a plane is worthwhile, unless a
-/// wide low-pass follows and at most the other number of pixels is kept, which take 44 MiB.
+/// A plane is worthwhile if it has at most so many pixels for each pixel of the picture (over the same area).
 const MAX_PIXELS: f64 = 6.5;
+/// If a wide low-pass follows, it is also worthwhile if at most so many of its pixels are kept for the warp. They take 44 MiB.
 const FEW_PIXELS: f64 = 2_097_152.0;
 /// Standard deviation of the low-pass in the picture's middle, along columns and along rows of the plane, above which the
 /// plane is halved first; in the plane's pixels.
