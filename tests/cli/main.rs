@@ -17,7 +17,6 @@ mod levels;
 mod library;
 mod memory;
 mod outputs;
-mod serve;
 mod study;
 mod transfer;
 mod trim;
