@@ -81,7 +81,7 @@ fn a_lane_that_is_not_there_is_made_only_where_there_is_room() {
     assert_eq!(within.1, along_x.1);
     let mut refused = 0;
     for view in ["--azimuth 80", "--azimuth 5 --elevation 5", "--elevation 85"] {
-        let ran = folder.adj(&format!("render x.adj -o out.png --memory 64MiB {view}"));
+        let ran = folder.adj(&format!("render x.adj -o out.png --memory 80MiB {view}"));
         if ran.code == Some(2) {
             ran.refused(&["--memory", "lane along", "--lanes xyz"]);
             refused += 1;
