@@ -427,7 +427,7 @@ def check_drawing(browser, files, folder):
         picked = wait("a picked voxel", lambda: viewer.state()["picked"])
         assert all(0 <= index < 96 for index in picked), picked
 
-        viewer.drag((120, 240), (320, 210))
+        viewer.drag((120, 240), (240, 224))
         wait("another view", lambda: viewer.state()["view"] != state["view"])
         turned = viewer.picture()
         share = (np.abs(turned.astype(int) - shown).max(axis=2) > 12).mean()
@@ -443,7 +443,6 @@ def check_drawing(browser, files, folder):
             fetched = viewer.state()["fetched"][0]
             print(f"key {key}: {fetched} bytes fetched; {near:.1f} dB from the program's picture")
             assert near > NEAR and fetched < 60_000 + size * lanes / 3, (fetched, size)
-        assert fetched < 1.01 * size
 
         # One finger turns, two magnify.
         before = viewer.camera()
