@@ -26,9 +26,9 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 PROGRAM, PAGE = map(os.path.abspath, sys.argv[1:3])
-# Small, for what draws it is software: a view of 370 x 380 beside the panel.
-SIZE = {"width": 700, "height": 460}
-SMALL = {"width": 480, "height": 320}
+# Small windows, for what draws is software: views of 150 x 240 and of 370 x 380 pixels beside the panel.
+SIZE = {"width": 480, "height": 320}
+LARGE = {"width": 700, "height": 460}
 PATIENCE = 120  # seconds
 CANCEL = (46, 72)  # the place of the button that stops opening
 WEBGPU = ["--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader"]
@@ -397,7 +397,7 @@ def check_server(files, folder):
 def check_drawing(browser, files, folder):
     served = Serving(*files)
     try:
-        viewer = Viewer(browser, served.links[0])
+        viewer = Viewer(browser, served.links[0], size=LARGE)
         shown = viewer.picture()
         state = viewer.state()
         assert state["quality"] == "high" and state["message"] is None, state
@@ -575,7 +575,7 @@ def check_levels(browser, folder):
         """A viewer that shows a file's first picture, and the file's size in bytes."""
         Tenth.sent = 0
         Tenth.may_go_on.clear()
-        viewer = Viewer(browser, f"{base}?file={os.path.basename(file)}", WATCH, SMALL)
+        viewer = Viewer(browser, f"{base}?file={os.path.basename(file)}", WATCH)
         wait("a picture from a tenth of the file", lambda: viewer.state().get("quality"))
         first, size = viewer.page.evaluate("seen[0].fetched"), os.path.getsize(file)
         assert 0 < first <= Tenth.sent <= size / 10, (first, Tenth.sent, size)
@@ -660,7 +660,7 @@ def check_built(viewer, volume, folder):
 
 
 def check_volume_at(browser, address, volume, folder):
-    viewer = Viewer(browser, address, size=SMALL)
+    viewer = Viewer(browser, address)
     check_built(viewer, volume, folder)
     assert viewer.state()["fetched"] is None
     viewer.close()
@@ -683,7 +683,7 @@ def check_volumes(browser, folder):
     server, base = serving(Ranges, root)
     try:
         check_volume_at(browser, base + "?file=ball.nrrd", paths["ball.nrrd"], folder)
-        viewer = Viewer(browser, base, size=SMALL)
+        viewer = Viewer(browser, base)
         wait("the viewer", lambda: "message" in viewer.state())
         for names, title, volume in [
             (["ball.nrrd"], "ball.nrrd", paths["ball.nrrd"]),
@@ -802,7 +802,7 @@ def check_folders(browser, folder):
 
     server, base = serving(Ranges, root)
     try:
-        viewer = Viewer(browser, base, size=SMALL)
+        viewer = Viewer(browser, base)
         wait("the viewer", lambda: "message" in viewer.state())
         for name in volumes:
             viewer.drop(path(name))
