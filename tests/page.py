@@ -443,6 +443,7 @@ def check_drawing(browser, files, folder):
             fetched = viewer.state()["fetched"][0]
             print(f"key {key}: {fetched} bytes fetched; {near:.1f} dB from the program's picture")
             assert near > NEAR and fetched < 60_000 + size * lanes / 3, (fetched, size)
+        assert fetched < 1.01 * size
 
         # One finger turns, two magnify.
         before = viewer.camera()

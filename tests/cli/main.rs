@@ -17,6 +17,7 @@ mod levels;
 mod library;
 mod memory;
 mod outputs;
+mod serve;
 mod study;
 mod transfer;
 mod trim;
