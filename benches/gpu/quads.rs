@@ -7,10 +7,9 @@ use adjsplat::internals::gpu_stages::SHADERS;
 use half::f16;
 use wgpu::{
     BindGroupDescriptor, BindGroupEntry, BlendComponent, BlendFactor, BlendOperation, BlendState, Buffer,
-    BufferDescriptor, BufferUsages, Color, ColorTargetState, ColorWrites, Extent3d, FragmentState, PrimitiveState,
-    PrimitiveTopology, RenderPipeline, RenderPipelineDescriptor, ShaderModuleDescriptor, ShaderSource,
-    TexelCopyBufferInfo, TexelCopyBufferLayout, Texture, TextureDescriptor, TextureDimension, TextureFormat,
-    TextureUsages, VertexState,
+    BufferDescriptor, BufferUsages, Color, ColorTargetState, ColorWrites, Extent3d, FragmentState, RenderPipeline,
+    RenderPipelineDescriptor, ShaderModuleDescriptor, ShaderSource, TexelCopyBufferInfo, TexelCopyBufferLayout,
+    Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, VertexState,
 };
 
 use super::device::Gpu;
@@ -52,7 +51,7 @@ impl Quads {
                     compilation_options: Default::default(),
                     buffers: &[],
                 },
-                primitive: PrimitiveState { topology: PrimitiveTopology::TriangleStrip, ..Default::default() },
+                primitive: Default::default(),
                 depth_stencil: None,
                 multisample: Default::default(),
                 fragment: Some(FragmentState {
@@ -98,7 +97,7 @@ impl Quads {
         gpu.time_draw(&self.target.create_view(&Default::default()), start, |pass| {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &group, &[]);
-            pass.draw(0..4, 0..count);
+            pass.draw(0..6 * count, 0..1);
         })
     }
 

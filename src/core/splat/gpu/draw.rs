@@ -339,7 +339,7 @@ impl FrameDraw<'_, '_, '_> {
             let mut pass = self.begin_quads(&mut encoder, chunk.is_first == 1);
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &group, &[]);
-            pass.draw(0..4, 0..chunk.slot_count);
+            pass.draw(0..6 * chunk.slot_count, 0..1);
         }
         context.submit([encoder.finish()])
     }

@@ -7,8 +7,8 @@
 use bytemuck::{Pod, Zeroable};
 use wgpu::util::{BufferInitDescriptor, DeviceExt as _};
 use wgpu::{
-    BindingResource, BufferUsages, Color, ColorTargetState, ColorWrites, LoadOp, PrimitiveTopology, RenderPipeline,
-    TextureFormat, TextureView,
+    BindingResource, BufferUsages, Color, ColorTargetState, ColorWrites, LoadOp, RenderPipeline, TextureFormat,
+    TextureView,
 };
 
 use super::buffers::BufferName;
@@ -55,8 +55,7 @@ pub(super) fn window(renderer: &mut GpuRenderer, window: [i32; 4], target: &Rend
         let module = shader_module(device, "resolve", RESOLVE);
         let entries = ["corner", if is_buffer { "from_buffer" } else { "from_target" }];
         let colour = ColorTargetState { format: target.format, blend: None, write_mask: ColorWrites::ALL };
-        let pipeline =
-            render_pipeline(device, "resolve", &module, entries, PrimitiveTopology::TriangleList, colour, &[]);
+        let pipeline = render_pipeline(device, "resolve", &module, entries, colour, &[]);
         renderer.resident.resolve = Some((key, pipeline));
     }
     let (_, pipeline) = renderer.resident.resolve.as_ref().expect("it was just made");

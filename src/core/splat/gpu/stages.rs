@@ -11,9 +11,9 @@ use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindingResource, BlendComponent, BlendFactor,
     BlendOperation, BlendState, ColorTargetState, ColorWrites, CommandEncoder, ComputePipeline,
     ComputePipelineDescriptor, Device, FragmentState, LoadOp, MultisampleState, Operations, PipelineCompilationOptions,
-    PrimitiveState, PrimitiveTopology, RenderPass, RenderPassColorAttachment, RenderPassDescriptor,
-    RenderPassTimestampWrites, RenderPipeline, RenderPipelineDescriptor, ShaderModule, ShaderModuleDescriptor,
-    ShaderSource, StoreOp, TextureFormat, TextureView, VertexState,
+    PrimitiveState, RenderPass, RenderPassColorAttachment, RenderPassDescriptor, RenderPassTimestampWrites,
+    RenderPipeline, RenderPipelineDescriptor, ShaderModule, ShaderModuleDescriptor, ShaderSource, StoreOp,
+    TextureFormat, TextureView, VertexState,
 };
 
 use super::QuadFormat;
@@ -143,8 +143,7 @@ impl Pipelines {
             let (format, entries) = (target.format(), ["corner", "pixel"]);
             let target = ColorTargetState { format, blend: Some(blend.state()), write_mask: ColorWrites::ALL };
             let constants = [("BLEND", f64::from(blend as u8))];
-            let topology = PrimitiveTopology::TriangleStrip;
-            render_pipeline(device, "splat", &self.splat_module, entries, topology, target, &constants)
+            render_pipeline(device, "splat", &self.splat_module, entries, target, &constants)
         })
     }
 }
@@ -172,7 +171,6 @@ pub(crate) fn render_pipeline(
     label: &str,
     module: &ShaderModule,
     entries: [&str; 2],
-    topology: PrimitiveTopology,
     target: ColorTargetState,
     constants: &[(&str, f64)],
 ) -> RenderPipeline {
@@ -183,7 +181,7 @@ pub(crate) fn render_pipeline(
         label: Some(label),
         layout: None,
         vertex: VertexState { module, entry_point: vertex, compilation_options: vertex_options, buffers: &[] },
-        primitive: PrimitiveState { topology, ..Default::default() },
+        primitive: PrimitiveState::default(),
         depth_stencil: None,
         multisample: MultisampleState::default(),
         fragment: Some(FragmentState { module, entry_point: fragment, compilation_options, targets }),

@@ -1,7 +1,8 @@
-// Stage: splat. In: splats in visit order. Out: the window's pixels, blended by the device in the order of instances.
+// Stage: splat. In: splats in visit order. Out: the window's pixels, blended by the device in the order of triangles.
 // Twin: tests/gpu/twin/splat.rs
 //
-// Each instance is one splat: a quad over its bounding box. The blend states are in stages.rs.
+// Each splat is two triangles over its bounding box, six vertices in all. Instances of a quad would be blended alike, but
+// devices in software draw each instance by itself (docs/studies/gpu.md). The blend states are in stages.rs.
 
 @group(0) @binding(0) var<uniform> frame: FrameUniform;
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
@@ -15,18 +16,23 @@ struct Corner {
     @location(0) @interpolate(flat, either) slot: u32,
 }
 
-@vertex
-fn corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) slot: u32) -> Corner {
+// Returns the corner `k` of a splat's triangles, 0 to 5; all corners of a slot without a splat are at one place.
+fn corner_of(slot: u32, k: u32) -> Corner {
     let columns = splats[slot].columns;
     let rows = splats[slot].rows;
     let low = max(vec2<i32>(low_half(columns), low_half(rows)), frame.window.xy);
     let high = min(vec2<i32>(high_half(columns), high_half(rows)) + 1, frame.window.zw);
     let is_nothing = columns == NOTHING;
-    let x = select(low.x, high.x, (vertex & 1u) == 1u && !is_nothing);
-    let y = select(low.y, high.y, (vertex & 2u) == 2u && !is_nothing);
+    let x = select(low.x, high.x, (k == 1u || k >= 4u) && !is_nothing);
+    let y = select(low.y, high.y, (k == 2u || k == 3u || k == 5u) && !is_nothing);
     let size = vec2<f32>(frame.window.zw - frame.window.xy);
     let at = vec2<f32>(vec2<i32>(x, y) - frame.window.xy) / size;
     return Corner(vec4<f32>(2.0 * at.x - 1.0, 1.0 - 2.0 * at.y, 0.0, 1.0), slot);
+}
+
+@vertex
+fn corner(@builtin(vertex_index) vertex: u32) -> Corner {
+    return corner_of(vertex / 6u, vertex % 6u);
 }
 
 @fragment
