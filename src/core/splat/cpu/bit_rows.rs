@@ -84,20 +84,34 @@ impl BitRows {
         }
     }
 
+    /// Returns the bits of `row` in a word of 64 columns, without those before column `left` and after `right`.
+    #[inline(always)]
+    pub(super) fn word(&self, row: usize, word: usize, [left, right]: [usize; 2]) -> u64 {
+        self.bits[self.words * row..][..self.words].get(word).map_or(0, |bits| bits & part(word, [left, right]))
+    }
+
     /// Calls `visit` with the first and last column of each run of bits that are set in a row; a run that crosses from one
     /// word to the next comes in parts.
     #[inline(always)]
     pub(super) fn each_run(&self, row: usize, mut visit: impl FnMut([usize; 2])) {
         for (word, &bits) in self.bits[self.words * row..][..self.words].iter().enumerate() {
-            let mut left = bits;
-            while left != 0 {
-                let from = left.trailing_zeros() as usize;
-                let len = (!(left >> from)).trailing_zeros() as usize;
-                visit([64 * word + from, 64 * word + from + len - 1]);
-                left = if from + len >= 64 { 0 } else { left & (u64::MAX << (from + len)) };
-            }
+            runs(bits).for_each(|run| visit(run.map(|bit| 64 * word + bit)));
         }
     }
+}
+
+/// Iterates over the runs of bits that are set in a word: the first and the last bit of each.
+#[inline(always)]
+pub(super) fn runs(mut bits: u64) -> impl Iterator<Item = [usize; 2]> {
+    std::iter::from_fn(move || {
+        if bits == 0 {
+            return None;
+        }
+        let first = bits.trailing_zeros();
+        let last = first + (!(bits >> first)).trailing_zeros() - 1;
+        bits &= (u64::MAX << last) << 1;
+        Some([first, last].map(|bit| bit as usize))
+    })
 }
 
 /// Returns the bits of a word between two columns of its row.

@@ -129,6 +129,25 @@ impl VoxelBlock {
         self.count = count;
     }
 
+    /// Adds `count` voxels of `batch`, starting with voxel `from`: at most [`GROUP`], for which there must be room.
+    #[inline(always)]
+    pub(super) fn add_group(&mut self, batch: &Batch, from: usize, count: usize) {
+        let sources = (batch.medium[from..].first_chunk(), batch.fast[from..].first_chunk());
+        let (Some(medium), Some(fast)) = sources else {
+            self.add(batch, from, count);
+            return;
+        };
+        // As many as vectors hold, instead of a call to copy a few; those beyond `count` are overwritten later.
+        let target = self.count..self.count + GROUP;
+        for (positions, source) in self.positions.iter_mut().zip([&[batch.slow; GROUP], medium, fast]) {
+            positions[target.clone()].copy_from_slice(source);
+        }
+        for (record, index) in self.records[target].iter_mut().zip(from..) {
+            *record = batch.record_index(index);
+        }
+        self.count += count;
+    }
+
     /// Returns the coordinates of the voxels along the slow, medium and fast axis.
     #[inline(always)]
     pub(super) fn positions(&self) -> &[[u16; BLOCK]; 3] {
