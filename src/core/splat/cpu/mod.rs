@@ -30,6 +30,7 @@ mod stamps;
 pub(crate) mod task;
 mod task_visitor;
 pub(crate) mod tile_buffer;
+mod tile_composite;
 mod visible;
 mod warp;
 

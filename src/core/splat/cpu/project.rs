@@ -137,7 +137,7 @@ impl VoxelBlock {
             self.add(batch, from, count);
             return;
         };
-        // As many as vectors hold, instead of a call to copy a few; those beyond `count` are overwritten later.
+        // As many as vectors hold, instead of a call to copy a few; those beyond `count` do not matter.
         let target = self.count..self.count + GROUP;
         for (positions, source) in self.positions.iter_mut().zip([&[batch.slow; GROUP], medium, fast]) {
             positions[target.clone()].copy_from_slice(source);
@@ -171,7 +171,7 @@ impl VoxelBlock {
     }
 }
 
-/// How many voxels are tested for visibility together, and then added to a block together.
+/// How many voxels are added to a block together, and where their line has gaps, tested for visibility together before.
 pub const GROUP: usize = 16;
 
 impl<'a> Projector<'a> {

@@ -2,7 +2,7 @@
 // Twin: tests/gpu/twin/splat.rs
 //
 // Each splat is two triangles over its bounding box, six vertices in all. Instances of a quad would be blended alike, but
-// devices in software draw each instance by itself (docs/studies/gpu.md). The blend states are in stages.rs.
+// SwiftShader takes two to three times as long for them (docs/studies/gpu.md). The blend states are in stages.rs.
 
 @group(0) @binding(0) var<uniform> frame: FrameUniform;
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;

@@ -1,0 +1,127 @@
+//! Composites splats with a tile of the lattice while its pixels are in registers.
+//!
+//! In: the splats on a tile's list, in visit order, and where their weights come from. Out: the tile's pixels, and whether any of
+//! them may still change.
+
+use super::blend::Blend;
+use super::footprints::Footprints;
+use super::lattice::Lattice;
+use super::project::{Projector, limited};
+use super::slab::Slab;
+use super::stamps::Stamps;
+use super::tile_buffer::{PixelTile, TILE_PIXELS, TileBuffer};
+
+/// Where the weights of splats come from.
+pub(super) struct Weights<'a> {
+    pub(super) stamps: Option<&'a Stamps>,
+    pub(super) footprints: Option<&'a Footprints>,
+    pub(super) lattice: &'a Lattice,
+}
+
+impl Weights<'_> {
+    /// Blends splats with a tile; returns whether any of its pixels may still change.
+    #[inline(always)]
+    pub(super) fn blend<B: Blend, const STAMPED: bool, const ONE_DEPTH: bool>(
+        &self,
+        projector: &Projector,
+        slab: &Slab,
+        splats: &[u32],
+        pixels: &mut TileBuffer,
+        place: [i32; 2],
+    ) -> bool {
+        let Some((_, PixelTile(values))) = pixels.tile(place[0], place[1]) else { return false };
+        let stop = projector.stop;
+        let mut tile = Pixels { values: *values, is_open: true };
+        if STAMPED {
+            let Some(stamps) = self.stamps else { return false };
+            let lower = stamps.lower(place);
+            for &splat in splats {
+                let [red, green, blue, depth] = *slab.look(splat);
+                let stamp = stamps.stamp(slab.stamp(splat) - lower);
+                if ONE_DEPTH {
+                    tile.blend::<B>(stamp, [red, green, blue], stop);
+                } else {
+                    tile.blend::<B>(&amounts::<B>(stamp, depth), [red, green, blue], stop);
+                }
+                if !tile.is_open {
+                    break;
+                }
+            }
+        } else if let Some(footprints) = self.footprints {
+            let later = footprints.later(place);
+            for &splat in splats {
+                let [red, green, blue, depth] = *slab.look(splat);
+                let weights = footprints.weights(slab.stamp(splat) + later);
+                tile.blend::<B>(&amounts::<B>(weights, depth), [red, green, blue], stop);
+                if !tile.is_open {
+                    break;
+                }
+            }
+        } else {
+            let rays = self.lattice.tile(place);
+            for &splat in splats {
+                let [red, green, blue, depth] = *slab.look(splat);
+                let weights = rays.weights(slab.place(splat), projector.cut);
+                let amounts = amounts::<B>(&weights, limited(depth, rays.strength));
+                tile.blend::<B>(&amounts, [red, green, blue], stop);
+                if !tile.is_open {
+                    break;
+                }
+            }
+        }
+        *values = tile.values;
+        tile.is_open
+    }
+}
+
+/// Returns the factors of a splat's ink at pixels, from its weights there and its optical depth at the centre.
+#[inline(always)]
+fn amounts<B: Blend>(weights: &[f32; TILE_PIXELS], peak: f32) -> [f32; TILE_PIXELS] {
+    let mut amounts = [0.0; TILE_PIXELS];
+    for i in 0..TILE_PIXELS {
+        amounts[i] = B::near_amount(peak * weights[i]);
+    }
+    amounts
+}
+
+/// The pixels of a tile while it takes splats.
+struct Pixels {
+    values: [[f32; TILE_PIXELS]; 4],
+    is_open: bool,
+}
+
+impl Pixels {
+    /// Blends a splat with the pixels; `amounts` are the factors of its ink.
+    #[inline(always)]
+    fn blend<B: Blend>(&mut self, amounts: &[f32; TILE_PIXELS], colour: [f32; 3], stop: f32) {
+        let [red, green, blue, clear] = &self.values;
+        self.values = [
+            blended::<B>(red, clear, amounts, colour[0], stop),
+            blended::<B>(green, clear, amounts, colour[1], stop),
+            blended::<B>(blue, clear, amounts, colour[2], stop),
+            blended::<B>(clear, clear, amounts, B::ALPHA_INK, stop),
+        ];
+        if B::STOPS {
+            self.is_open = false;
+            for i in 0..TILE_PIXELS {
+                self.is_open |= self.values[3][i] >= stop;
+            }
+        }
+    }
+}
+
+/// Returns one colour, or the transmittance, of a tile's pixels after a splat.
+#[inline(always)]
+fn blended<B: Blend>(
+    values: &[f32; TILE_PIXELS],
+    clear: &[f32; TILE_PIXELS],
+    amounts: &[f32; TILE_PIXELS],
+    ink: f32,
+    stop: f32,
+) -> [f32; TILE_PIXELS] {
+    let mut new = [0.0; TILE_PIXELS];
+    for i in 0..TILE_PIXELS {
+        new[i] = B::blend(values[i], clear[i], amounts[i], ink, stop);
+    }
+    new
+}
