@@ -66,12 +66,11 @@ fn what_is_seen_of_long_lines_is_what_the_plain_twin_sees() {
     // Lines of several words of bits, in rising and falling order; most of their voxels are hidden.
     let kernel = Some(KernelShape { sigma: 0.6, radius: 1.93 });
     let size = [90, 84];
-    for dims in [[200, 30, 26], [26, 200, 30], [30, 26, 200]] {
-        let built = solid(dims, [1.0; 3], at_least(0.6));
-        let [low, high] =
-            [70, 127].map(|at| dims.map(|points| if points == 200 { at } else { points as u16 * at / 200 }));
+    for dims in [[200u16, 30, 26], [26, 200, 30], [30, 26, 200]] {
+        let built = solid(dims.map(u64::from), [1.0; 3], at_least(0.6));
+        let [low, high] = [70, 127].map(|at| dims.map(|points| points * at / 200));
         let crop = Some(VoxelBox { low, high });
-        let clip = Some(ClipPlane { point: dims.map(|points| points as f64 / 2.0), normal: [1.0, -2.0, 1.5] });
+        let clip = Some(ClipPlane { point: dims.map(|points| f64::from(points) / 2.0), normal: [1.0, -2.0, 1.5] });
         for (crop, clip) in [(None, None), (crop, None), (None, clip)] {
             for view in VIEWS {
                 let settings = enough(size).with_kernel(kernel).with_termination(1e-3).with_crop(crop).with_clip(clip);
