@@ -179,6 +179,14 @@ impl View {
         view
     }
 
+    /// Returns whether a voxel of a grid of `dims` points may be so near the eye that it has no footprint.
+    pub(crate) fn has_near(&self, dims: [u32; 3]) -> bool {
+        let PixelMap::Perspective { camera_from_voxel: [.., forward], near, .. } = &self.map else { return false };
+        // What graphics devices round is far less than a thousandth.
+        let corner = std::array::from_fn(|a| if forward[a] < 0.0 { f64::from(dims[a]) } else { -1.0 });
+        apply(forward, corner) < 1.001 * near
+    }
+
     /// Returns a box on the screen that holds all footprints of the voxels in `bounds`: first and last column, then
     /// first and last row.
     ///

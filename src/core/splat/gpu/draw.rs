@@ -150,6 +150,7 @@ impl FrameDraw<'_, '_, '_> {
             self.context.write(uniform_buffer, 0, bytemuck::bytes_of(&uniform))?;
             let half_width = uniform.half_width.map(f64::from);
             let slow = shot.order.slow.index();
+            let has_near = shot.view.has_near(shot.lane.dims);
             let view = WindowView { view: &shot.view, half_width, window, clip: shot.clip, slow };
             for (index, slab) in list.slabs.iter().enumerate() {
                 let mut chunks = Chunks::new(list, slab, &view, self.plan.slots);
@@ -165,7 +166,7 @@ impl FrameDraw<'_, '_, '_> {
                 }
                 self.upload(part, index, &chunks)?;
                 for &(chunk, block_count) in &chunks.chunks {
-                    self.chunk(chunk, block_count, tiles)?;
+                    self.chunk(chunk, block_count, tiles, has_near)?;
                     let first = chunk.first_block as usize;
                     let blocks = &chunks.blocks[first..first + block_count as usize];
                     self.call_probe(&uniform, slab, chunk, blocks);
@@ -174,7 +175,7 @@ impl FrameDraw<'_, '_, '_> {
         }
         if is_first {
             // No voxel projects into the window: a chunk without records clears its pixels.
-            self.chunk(Chunk { is_first: 1, ..Chunk::zeroed() }, 0, tiles)?;
+            self.chunk(Chunk { is_first: 1, ..Chunk::zeroed() }, 0, tiles, false)?;
         }
         self.stats.windows += 1;
         Ok(records)
@@ -289,8 +290,9 @@ impl FrameDraw<'_, '_, '_> {
         Ok(())
     }
 
-    /// Runs all stages for a chunk of the slab on the device; `window_tiles`: columns and rows of tiles.
-    fn chunk(&mut self, chunk: Chunk, block_count: u32, window_tiles: [u32; 2]) -> Result<()> {
+    /// Runs all stages for a chunk of the slab on the device; `window_tiles`: columns and rows of tiles; `has_near`: whether
+    /// voxels may be near the eye.
+    fn chunk(&mut self, chunk: Chunk, block_count: u32, window_tiles: [u32; 2], has_near: bool) -> Result<()> {
         let (context, pipelines, blend) = (self.context.clone(), self.pipelines.clone(), self.blend);
         let device = &context.device;
         let GpuRenderer { resident: Resident { buffers, slabs, timer, current, .. }, looks, .. } = &mut *self.renderer;
@@ -333,7 +335,7 @@ impl FrameDraw<'_, '_, '_> {
             pass.dispatch_workgroups(x, y, 1);
         }
         if let Compositor::Quads(target) = *current {
-            let pipeline = pipelines.splat(device, blend, target);
+            let pipeline = pipelines.splat(device, blend, target, has_near);
             let resources = [uniform, splats].map(Buffer::as_entire_binding);
             let group = bind(device, &pipeline.get_bind_group_layout(0), resources);
             let mut pass = self.begin_quads(&mut encoder, chunk.is_first == 1);

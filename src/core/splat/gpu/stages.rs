@@ -113,7 +113,7 @@ pub(crate) struct Pipelines {
     tile_module: ShaderModule,
     tiles: [OnceLock<ComputePipeline>; 4],
     splat_module: ShaderModule,
-    splats: [[OnceLock<RenderPipeline>; 3]; 4],
+    splats: [[[OnceLock<RenderPipeline>; 2]; 3]; 4],
 }
 
 impl Pipelines {
@@ -137,12 +137,19 @@ impl Pipelines {
         self.tiles[blend as usize].get_or_init(|| compute_pipeline(device, "tile", &self.tile_module, &constants))
     }
 
-    /// Returns the stage that draws quads into a target; compiles it on first use.
-    pub(crate) fn splat(&self, device: &Device, blend: BlendMode, target: QuadFormat) -> &RenderPipeline {
-        self.splats[blend as usize][target as usize].get_or_init(|| {
+    /// Returns the stage that draws quads into a target, also of voxels near the eye if there may be some (`has_near`);
+    /// compiles it on first use.
+    pub(crate) fn splat(
+        &self,
+        device: &Device,
+        blend: BlendMode,
+        target: QuadFormat,
+        has_near: bool,
+    ) -> &RenderPipeline {
+        self.splats[blend as usize][target as usize][usize::from(has_near)].get_or_init(|| {
             let (format, entries) = (target.format(), ["corner", "pixel"]);
             let target = ColorTargetState { format, blend: Some(blend.state()), write_mask: ColorWrites::ALL };
-            let constants = [("BLEND", f64::from(blend as u8))];
+            let constants = [("BLEND", f64::from(blend as u8)), ("HAS_NEAR", f64::from(u8::from(has_near)))];
             render_pipeline(device, "splat", &self.splat_module, entries, target, &constants)
         })
     }

@@ -2,6 +2,9 @@
 // integrated along the pixel's ray. It stands between common.wgsl and the stage's own text. near.rs explains it.
 // Twin: tests/gpu/twin/near.rs
 
+// Whether a splat may be of a voxel near the eye. In software a pixel takes twice as long where it has to tell.
+override HAS_NEAR: bool = true;
+
 // The ray of a pixel.
 struct Ray {
     direction: vec3<f32>, // Unit vector in voxel coordinates.
@@ -42,7 +45,7 @@ fn near_depth(offset: vec3<f32>, at_eye: f32, peak: f32, ray: Ray) -> f32 {
 // Returns a splat's optical depth at the pixel `at`, in units of ln 2; 0 outside its kernel. `dx`, `dy`: from the centre
 // of its footprint to the pixel. Of a voxel near the eye, the numbers are as project.wgsl stores them.
 fn splat_depth(dx: f32, dy: f32, falloff_x: f32, falloff_y: f32, shear: f32, peak: f32, at: vec2<i32>) -> f32 {
-    if falloff_y < 0.0 {
+    if HAS_NEAR && falloff_y < 0.0 {
         return near_depth(vec3<f32>(dx, dy, falloff_x), shear, peak, ray_at(at));
     }
     return depth_at(dx, dy, falloff_x, falloff_y, shear, peak, frame.cut_exponent);

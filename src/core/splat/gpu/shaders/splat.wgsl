@@ -11,23 +11,30 @@
 override BLEND: u32 = 0u;
 const ADDITIVE: u32 = 2u;
 
+// What a pixel needs of its splat comes with the corners: for a driver in software it is quicker than to load it for each pixel.
 struct Corner {
     @builtin(position) position: vec4<f32>,
-    @location(0) @interpolate(flat, either) slot: u32,
+    @location(0) @interpolate(flat, either) place: vec4<f32>, // First column and row in the window, `corner_x` and `corner_y`.
+    @location(1) @interpolate(flat, either) shape: vec4<f32>, // `falloff_x`, `falloff_y`, `shear` and `peak`.
+    @location(2) @interpolate(flat, either) colour: vec3<f32>,
 }
 
 // Returns the corner `k` of a splat's triangles, 0 to 5; all corners of a slot without a splat are at one place.
 fn corner_of(slot: u32, k: u32) -> Corner {
-    let columns = splats[slot].columns;
-    let rows = splats[slot].rows;
-    let low = max(vec2<i32>(low_half(columns), low_half(rows)), frame.window.xy);
-    let high = min(vec2<i32>(high_half(columns), high_half(rows)) + 1, frame.window.zw);
-    let is_nothing = columns == NOTHING;
+    let splat = splats[slot];
+    let first = vec2<i32>(low_half(splat.columns), low_half(splat.rows)) - frame.window.xy;
+    let last = vec2<i32>(high_half(splat.columns), high_half(splat.rows)) - frame.window.xy;
+    let size = frame.window.zw - frame.window.xy;
+    let low = max(first, vec2<i32>(0));
+    let high = min(last + 1, size);
+    let is_nothing = splat.columns == NOTHING;
     let x = select(low.x, high.x, (k == 1u || k >= 4u) && !is_nothing);
     let y = select(low.y, high.y, (k == 2u || k == 3u || k == 5u) && !is_nothing);
-    let size = vec2<f32>(frame.window.zw - frame.window.xy);
-    let at = vec2<f32>(vec2<i32>(x, y) - frame.window.xy) / size;
-    return Corner(vec4<f32>(2.0 * at.x - 1.0, 1.0 - 2.0 * at.y, 0.0, 1.0), slot);
+    let at = vec2<f32>(vec2<i32>(x, y)) / vec2<f32>(size);
+    let position = vec4<f32>(2.0 * at.x - 1.0, 1.0 - 2.0 * at.y, 0.0, 1.0);
+    let place = vec4<f32>(vec2<f32>(first), splat.corner_x, splat.corner_y);
+    let shape = vec4<f32>(splat.falloff_x, splat.falloff_y, splat.shear, splat.peak);
+    return Corner(position, place, shape, vec3<f32>(splat.red, splat.green, splat.blue));
 }
 
 @vertex
@@ -37,13 +44,10 @@ fn corner(@builtin(vertex_index) vertex: u32) -> Corner {
 
 @fragment
 fn pixel(in: Corner) -> @location(0) vec4<f32> {
-    let splat = splats[in.slot];
-    let at = vec2<i32>(floor(in.position.xy)) + frame.window.xy;
-    let from_low = vec2<f32>(at - vec2<i32>(low_half(splat.columns), low_half(splat.rows)));
-    let away = select(from_low, vec2<f32>(0.0), splat.falloff_y < 0.0);
-    let dx = splat.corner_x + away.x;
-    let dy = splat.corner_y + away.y;
-    let depth = splat_depth(dx, dy, splat.falloff_x, splat.falloff_y, splat.shear, splat.peak, at);
-    let colour = vec4<f32>(splat.red, splat.green, splat.blue, 1.0);
-    return colour * select(absorbed(depth), depth, BLEND == ADDITIVE);
+    let at = floor(in.position.xy);
+    // A voxel near the eye has no footprint.
+    let away = in.place.zw + select(at - in.place.xy, vec2<f32>(0.0), in.shape.y < 0.0);
+    let of_picture = vec2<i32>(at) + frame.window.xy;
+    let depth = splat_depth(away.x, away.y, in.shape.x, in.shape.y, in.shape.z, in.shape.w, of_picture);
+    return vec4<f32>(in.colour, 1.0) * select(absorbed(depth), depth, BLEND == ADDITIVE);
 }
