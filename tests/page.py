@@ -26,8 +26,7 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 PROGRAM, PAGE = map(os.path.abspath, sys.argv[1:3])
-# Small windows, for what draws is software: views of 110 x 160, 150 x 240 and 270 x 320 pixels beside the panel.
-SMALL = {"width": 440, "height": 240}
+# Small windows, for what draws is software: views of 150 x 240 and of 270 x 320 pixels beside the panel.
 SIZE = {"width": 480, "height": 320}
 LARGE = {"width": 600, "height": 400}
 PATIENCE = 120  # seconds
@@ -577,7 +576,7 @@ def check_levels(browser, folder):
         """A viewer that shows a file's first picture, and the file's size in bytes."""
         Tenth.sent = 0
         Tenth.may_go_on.clear()
-        viewer = Viewer(browser, f"{base}?file={os.path.basename(file)}", WATCH, SMALL)
+        viewer = Viewer(browser, f"{base}?file={os.path.basename(file)}", WATCH)
         wait("a picture from a tenth of the file", lambda: viewer.state().get("quality"))
         first, size = viewer.page.evaluate("seen[0].fetched"), os.path.getsize(file)
         assert 0 < first <= Tenth.sent <= size / 10, (first, Tenth.sent, size)

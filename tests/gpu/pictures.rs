@@ -124,6 +124,17 @@ fn eyes_outside_inside_and_on_a_voxel() {
 }
 
 #[test]
+fn eyes_before_a_face() {
+    // From 8 voxels on, none is near the eye.
+    let built = gyroid([20, 44, 36], [1.0, 1.0, 1.3]);
+    let views = [6.5, 7.99, 8.01, 9.5].map(|before| {
+        let eye = [-before, 20.0, 18.5];
+        (inside(&built, eye, [1.0, 0.0, 0.0]), high([96, 80]))
+    });
+    check("before a face", built.scene(), &views);
+}
+
+#[test]
 fn anisotropic_and_mirrored_grids() {
     let flat = gyroid([48, 44, 8], [1.0, 1.0, 20.0]);
     let size = [96, 96];
