@@ -127,10 +127,9 @@ fn eyes_outside_inside_and_on_a_voxel() {
 fn eyes_before_a_face() {
     // From 8 voxels on, none is near the eye.
     let built = gyroid([20, 44, 36], [1.0, 1.0, 1.3]);
-    let views = [6.5, 7.99, 8.01, 9.5].map(|before| {
-        let eye = [-before, 20.0, 18.5];
-        (inside(&built, eye, [1.0, 0.0, 0.0]), high([96, 80]))
-    });
+    let places = [6.5, 7.99, 9.02].into_iter().flat_map(|before| [[-before, 1.0], [19.0 + before, -1.0]]);
+    let view = |[x, toward]: [f64; 2]| (inside(&built, [x, 20.0, 18.5], [toward, 0.0, 0.0]), high([96, 80]));
+    let views: Vec<_> = places.map(view).collect();
     check("before a face", built.scene(), &views);
 }
 

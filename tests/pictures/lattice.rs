@@ -33,7 +33,7 @@ fn enough(size: [u32; 2]) -> Settings {
 /// Pixels with no sample above this are empty.
 const EMPTY: f64 = 1e-3;
 
-/// Along axes, between two, between three, and anywhere. Lines rise in all but that between three.
+/// Along axes, between two, between three, and anywhere. Lines rise in all views but the one between three axes.
 const VIEWS: [[f64; 2]; 7] =
     [[0.0, 0.0], [90.0, 0.0], [0.0, 90.0], [45.0, 0.0], [45.0, 35.2644], [200.0, -20.0], [300.0, 70.0]];
 
@@ -89,7 +89,7 @@ fn what_is_seen_of_long_lines_is_what_the_plain_twin_sees() {
                 let every = built.frame(&camera, &settings.clone().with_sampling(Sampling::EveryPixel));
                 assert!(
                     light > 0.9 && fast != every,
-                    "{dims:?} {view:?}, {crop:?}, {clip:?}: not drawn on the lattice"
+                    "{dims:?} {view:?}, {crop:?}, {clip:?}: empty, or not drawn on the lattice"
                 );
                 let most = apart(&fast, &built.frame(&camera, &settings.with_code(Code::Plain)));
                 // A pixel at the threshold may end for one and not for the other, and has that much light left.

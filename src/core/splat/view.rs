@@ -180,9 +180,11 @@ impl View {
     }
 
     /// Returns whether a voxel of a grid of `dims` points may be so near the eye that it has no footprint.
+    #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only renderers on graphics devices ask for it"))]
     pub(crate) fn has_near(&self, dims: [u32; 3]) -> bool {
         let PixelMap::Perspective { camera_from_voxel: [.., forward], near, .. } = &self.map else { return false };
-        // What graphics devices round is far less than a thousandth.
+        // Voxels that are partly visible lie beside their grid points, by less than a voxel. What graphics devices round is
+        // far less than a thousandth.
         let corner = std::array::from_fn(|a| if forward[a] < 0.0 { f64::from(dims[a]) } else { -1.0 });
         apply(forward, corner) < 1.001 * near
     }

@@ -1,7 +1,7 @@
 //! The pipelines of the stages, and the binding of their buffers.
 //!
 //! In: a device. Out: the compute stages walk, project, bin and tile, and the drawing stage splat, the last two for
-//! each [`BlendMode`]. A shader is `shaders/common.wgsl` followed by its own file, of those two stages also by
+//! each [`BlendMode`], splat also for each format, with and without voxels near the eye. A shader is `shaders/common.wgsl` followed by its own file, of those two stages also by
 //! `shaders/near.wgsl`; its twin (the same stage in Rust,
 //! for tests) has the same name in tests/gpu/twin.
 
@@ -137,8 +137,8 @@ impl Pipelines {
         self.tiles[blend as usize].get_or_init(|| compute_pipeline(device, "tile", &self.tile_module, &constants))
     }
 
-    /// Returns the stage that draws quads into a target, also of voxels near the eye if there may be some (`has_near`);
-    /// compiles it on first use.
+    /// Returns the stage that draws quads into a target; `has_near`: whether splats may be of voxels near the eye. Compiles it
+    /// on first use.
     pub(crate) fn splat(
         &self,
         device: &Device,

@@ -2,7 +2,8 @@
 // integrated along the pixel's ray. It stands between common.wgsl and the stage's own text. near.rs explains it.
 // Twin: tests/gpu/twin/near.rs
 
-// Whether a splat may be of a voxel near the eye. In software a pixel takes twice as long where it has to tell.
+// Whether splats may be of voxels near the eye; the stage tile keeps the default. In software the test costs time
+// (docs/studies/gpu.md).
 override HAS_NEAR: bool = true;
 
 // The ray of a pixel.

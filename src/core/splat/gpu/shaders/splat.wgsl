@@ -11,7 +11,7 @@
 override BLEND: u32 = 0u;
 const ADDITIVE: u32 = 2u;
 
-// What a pixel needs of its splat comes with the corners: for a driver in software it is quicker than to load it for each pixel.
+// A pixel's numbers come with the corners: drivers in software take longer to load them for each pixel.
 struct Corner {
     @builtin(position) position: vec4<f32>,
     @location(0) @interpolate(flat, either) place: vec4<f32>, // First column and row in the window, `corner_x` and `corner_y`.
@@ -27,7 +27,8 @@ fn corner_of(slot: u32, k: u32) -> Corner {
     let size = frame.window.zw - frame.window.xy;
     let low = max(first, vec2<i32>(0));
     let high = min(last + 1, size);
-    let is_nothing = splat.columns == NOTHING;
+    // Voxels of a damaged file may lie outside the grid, near the eye.
+    let is_nothing = splat.columns == NOTHING || (!HAS_NEAR && splat.falloff_y < 0.0);
     let x = select(low.x, high.x, (k == 1u || k >= 4u) && !is_nothing);
     let y = select(low.y, high.y, (k == 2u || k == 3u || k == 5u) && !is_nothing);
     let at = vec2<f32>(vec2<i32>(x, y)) / vec2<f32>(size);
@@ -46,7 +47,7 @@ fn corner(@builtin(vertex_index) vertex: u32) -> Corner {
 fn pixel(in: Corner) -> @location(0) vec4<f32> {
     let at = floor(in.position.xy);
     // A voxel near the eye has no footprint.
-    let away = in.place.zw + select(at - in.place.xy, vec2<f32>(0.0), in.shape.y < 0.0);
+    let away = in.place.zw + select(at - in.place.xy, vec2<f32>(0.0), HAS_NEAR && in.shape.y < 0.0);
     let of_picture = vec2<i32>(at) + frame.window.xy;
     let depth = splat_depth(away.x, away.y, in.shape.x, in.shape.y, in.shape.z, in.shape.w, of_picture);
     return vec4<f32>(in.colour, 1.0) * select(absorbed(depth), depth, BLEND == ADDITIVE);
