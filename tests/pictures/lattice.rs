@@ -66,8 +66,8 @@ fn stamps_give_what_the_plain_twin_gives_on_the_same_plane() {
 
 #[test]
 fn what_is_seen_of_long_lines_is_what_the_plain_twin_sees() {
-    // Lines of several words of bits, in rising and falling order; most of their voxels are hidden. In an ellipsoid no
-    // two lines begin at the same voxel.
+    // Lines of several words of bits, in rising and falling order; most of their voxels are hidden. In an ellipsoid,
+    // unlike in a block, a voxel taken from another line shows.
     let kernel = Some(KernelShape { sigma: 0.6, radius: 1.93 });
     let size = [90, 84];
     for dims in [[200u16, 30, 26], [26, 200, 30], [30, 26, 200]] {

@@ -1,9 +1,10 @@
 //! The pipelines of the stages, and the binding of their buffers.
 //!
-//! In: a device. Out: the compute stages walk, project, bin and tile, and the drawing stage splat, the last two for
-//! each [`BlendMode`], splat also for each format, with and without voxels near the eye. A shader is `shaders/common.wgsl` followed by its own file, of those two stages also by
-//! `shaders/near.wgsl`; its twin (the same stage in Rust,
-//! for tests) has the same name in tests/gpu/twin.
+//! In: a device. Out: the compute stages walk, project, bin and tile, and the drawing stage splat. Tile and splat are compiled
+//! for each [`BlendMode`], splat also for each format of the target, with and without voxels near the eye.
+//!
+//! A shader is `shaders/common.wgsl` followed by its own file, of tile and splat also by `shaders/near.wgsl`. Its twin (the
+//! same stage in Rust, for tests) has the same name in tests/gpu/twin.
 
 use std::sync::OnceLock;
 
