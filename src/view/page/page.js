@@ -1,5 +1,5 @@
 // Loads the viewer into the page, or says why it cannot run.
-import init, * as viewer from "./adjsplat_view.js";
+import init, * as viewer from "./adjsplat_viewer.js";
 
 const canvas = document.getElementById("view");
 const message = document.getElementById("message");
@@ -40,7 +40,7 @@ async function begin() {
     return say("This browser has no WebGPU, by which the viewer draws. Use a newer browser, allow its graphics acceleration, or use adj view.");
   }
   watchFirstDevice();
-  await init({ module_or_path: new URL("adjsplat_view_bg.wasm", import.meta.url) });
+  await init({ module_or_path: new URL("adjsplat_viewer_bg.wasm", import.meta.url) });
   say("");
   limitSize();
   addEventListener("resize", limitSize);

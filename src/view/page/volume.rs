@@ -1,8 +1,7 @@
-//! The web worker of the page: builds volumes beside the page, which answers meanwhile.
+//! Builds volumes from files of a browser.
 //!
-//! In: files of a browser, their paths, and which of them are the volume. Out: progress, then the bytes of an `.adj` file, which
-//! shows what the volume suggests. A browser runs this on a thread of its own; the page stops the build by ending the worker.
-#![cfg(target_arch = "wasm32")]
+//! In: the files, their paths, and which of them are the volume. Out: progress, then the bytes of an `.adj` file, which shows
+//! what the volume suggests.
 
 use std::collections::BTreeSet;
 use std::io::{self, ErrorKind};
