@@ -95,7 +95,8 @@ impl Frames {
         };
         let splats: Vec<Splat> = read_all(probe, probe.splats);
         let mut want = vec![splats[0]; slots];
-        twin::project::project(uniform, &voxels[..slots], &channels, &mut want);
+        let is_maximum = self.blend == BlendMode::Maximum;
+        twin::project::project(uniform, is_maximum, &voxels[..slots], &channels, &mut want);
         splats.iter().zip(&want).for_each(|(got, want)| self.apart.splat(got, want));
         let padded = slots.next_multiple_of(256);
         assert!(

@@ -47,14 +47,20 @@ struct Footprint {
     density: f32,
 }
 
-/// Computes the splat of each voxel; returns how many are drawn.
+/// Computes the splat of each voxel, in a maximum its value and place; returns how many are drawn.
 ///
 /// # Panics
 /// If a value has no look.
-pub(crate) fn project(frame: &FrameUniform, voxels: &[VisitedVoxel], channels: &Channels, splats: &mut [Splat]) -> u32 {
+pub(crate) fn project(
+    frame: &FrameUniform,
+    is_maximum: bool,
+    voxels: &[VisitedVoxel],
+    channels: &Channels,
+    splats: &mut [Splat],
+) -> u32 {
     let mut drawn = 0;
     for (voxel, splat) in voxels.iter().zip(splats) {
-        *splat = if voxel.record == NO_RECORD { EMPTY } else { splat_of(frame, voxel, channels) };
+        *splat = if voxel.record == NO_RECORD { EMPTY } else { splat_of(frame, is_maximum, voxel, channels) };
         drawn += u32::from(splat.columns != NOTHING);
     }
     drawn
@@ -381,7 +387,7 @@ fn value_splat(frame: &FrameUniform, voxel: &VisitedVoxel, xyz: [u32; 3], share:
     }
 }
 
-fn splat_of(frame: &FrameUniform, voxel: &VisitedVoxel, channels: &Channels) -> Splat {
+fn splat_of(frame: &FrameUniform, is_maximum: bool, voxel: &VisitedVoxel, channels: &Channels) -> Splat {
     let xyz = [voxel.xy & 0xffff, voxel.xy >> 16, voxel.z_coverage & 0xffff];
     if (0..3).any(|a| xyz[a] < frame.crop_low[a] || xyz[a] > frame.crop_high[a]) {
         return EMPTY;
@@ -391,7 +397,7 @@ fn splat_of(frame: &FrameUniform, voxel: &VisitedVoxel, channels: &Channels) -> 
         return EMPTY;
     }
     let cover = coverage_of(frame, voxel.z_coverage >> 16);
-    if frame.is_maximum == 1 {
+    if is_maximum {
         return value_splat(frame, voxel, xyz, cover.share, channels);
     }
     let mut strength = frame.ellipse[3];

@@ -315,7 +315,7 @@ impl FrameDraw<'_, '_, '_> {
             let project =
                 vec![uniform, chunk_buffer, voxels, values, normals, magnitudes, by_value, by_pair, splats, drawn];
             stages.push((Pass::Walk, &pipelines.walk, walk, [block_count, 1]));
-            stages.push((Pass::Project, &pipelines.project, project, [batches, 1]));
+            stages.push((Pass::Project, pipelines.project(device, blend, has_near), project, [batches, 1]));
         }
         let mut encoder = context.encoder("chunk");
         if *current == Compositor::Tiles {

@@ -76,12 +76,12 @@ pub struct FrameUniform {
     pub value_bits: u32,
     pub normal_bits: u32,
     pub uses_magnitude: u32,
-    pub is_maximum: u32,
     pub is_perspective: u32,
     pub shininess: u32,
     pub tile_columns: u32,
     pub mask_words: u32,
     pub picture_rows: u32,
+    pub padding: u32,
 }
 
 /// A run of consecutive records that fits into the buffers of a frame.
@@ -227,7 +227,6 @@ impl FrameUniform {
         uniform.value_bits = channels.value_bits.into();
         uniform.normal_bits = channels.normal_bits.into();
         uniform.coverage_bits = channels.coverage_bits.into();
-        uniform.is_maximum = shot.maximum.into();
         uniform.picture_rows = view.size[1];
         uniform.tile_columns = ((window[2] - window[0]).cast_unsigned()).div_ceil(TILE);
         uniform

@@ -1,7 +1,7 @@
 //! The pipelines of the stages, and the binding of their buffers.
 //!
 //! In: a device. Out: the compute stages walk, project, bin and tile, and the drawing stage splat. Tile and splat are compiled
-//! for each [`BlendMode`], splat also for each format of the target, with and without voxels near the eye.
+//! for each [`BlendMode`], splat also for each format of the target; project and splat with and without voxels near the eye.
 //!
 //! A shader is `shaders/common.wgsl` followed by its own file, of tile and splat also by `shaders/near.wgsl`. Its twin (the
 //! same stage in Rust, for tests) has the same name in tests/gpu/twin.
@@ -105,12 +105,13 @@ pub(crate) fn bind<'r>(
     device.create_bind_group(&BindGroupDescriptor { label: Some("stage"), layout, entries: &entries })
 }
 
-/// The pipelines of all stages; those of a blend mode are compiled on first use.
+/// The pipelines of all stages; those that depend on what is drawn are compiled on first use.
 #[derive(Debug)]
 pub(crate) struct Pipelines {
     pub(crate) walk: ComputePipeline,
-    pub(crate) project: ComputePipeline,
     pub(crate) bin: ComputePipeline,
+    project_module: ShaderModule,
+    projects: [[OnceLock<ComputePipeline>; 2]; 2],
     tile_module: ShaderModule,
     tiles: [OnceLock<ComputePipeline>; 4],
     splat_module: ShaderModule,
@@ -119,17 +120,27 @@ pub(crate) struct Pipelines {
 
 impl Pipelines {
     pub(crate) fn new(device: &Device) -> Pipelines {
-        let [walk, project, bin, tile_module, splat_module] =
+        let [walk, project_module, bin, tile_module, splat_module] =
             SHADERS.map(|(label, text)| shader_module(device, label, text));
         Pipelines {
             walk: compute_pipeline(device, "walk", &walk, &[]),
-            project: compute_pipeline(device, "project", &project, &[]),
             bin: compute_pipeline(device, "bin", &bin, &[]),
+            project_module,
+            projects: Default::default(),
             tile_module,
             tiles: Default::default(),
             splat_module,
             splats: Default::default(),
         }
+    }
+
+    /// Returns the stage that computes splats; `has_near`: whether voxels may be near the eye. Compiles it on first use.
+    pub(crate) fn project(&self, device: &Device, blend: BlendMode, has_near: bool) -> &ComputePipeline {
+        let is_maximum = blend == BlendMode::Maximum;
+        let [maximum, near] = [is_maximum, has_near && !is_maximum].map(u8::from);
+        let constants = [("IS_MAXIMUM", f64::from(maximum)), ("HAS_NEAR", f64::from(near))];
+        self.projects[usize::from(maximum)][usize::from(near)]
+            .get_or_init(|| compute_pipeline(device, "project", &self.project_module, &constants))
     }
 
     /// Returns the stage that composites tiles; compiles it on first use.

@@ -55,12 +55,12 @@ struct FrameUniform {
     value_bits: u32, // Bits of a value code: 8 or 16.
     normal_bits: u32, // Bits of each half of a normal code: 8 or 16; 0 for no normals.
     uses_magnitude: u32, // 1 if the optical depth also depends on the gradient magnitude, else 0.
-    is_maximum: u32, // 1 if splats are values to interpolate, 0 if they are footprints.
     is_perspective: u32, // 1 in a perspective view, 0 in a parallel view.
     shininess: u32, // Exponent of the highlight; 0 for no lighting.
     tile_columns: u32, // Tiles in a row of the window.
     mask_words: u32, // Number of 32-bit words of a tile's mask.
     picture_rows: u32, // Rows of the whole picture.
+    padding: u32, // The struct consists of whole vectors.
 }
 
 const ASCENDING: u32 = 0u;

@@ -18,6 +18,10 @@
 @group(0) @binding(8) var<storage, read_write> splats: array<Splat>;
 @group(0) @binding(9) var<storage, read_write> drawn: array<atomic<u32>>; // Number of drawn splats, by counter.
 
+// What voxels may be, so that a compiler leaves out the rest: in software that takes as long as drawing (docs/studies/gpu.md).
+override IS_MAXIMUM: bool; // Whether splats are values to interpolate; else they are footprints.
+override HAS_NEAR: bool; // Whether voxels may be near the eye. In a maximum none is.
+
 const LOW_PASS: f32 = 0.6; // Smallest sigma of a footprint in pixels.
 const REACH: f32 = 2097152.0; // Largest half-width of a footprint in pixels.
 const TINY: f32 = 1.17549435e-38; // Smallest normal number of single precision.
@@ -358,7 +362,7 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
         return nothing();
     }
     let cover = coverage_of(voxel.z_coverage >> 16u);
-    if frame.is_maximum == 1u {
+    if IS_MAXIMUM {
         return value_splat(voxel, xyz, cover.share);
     }
     var x: PixelPosition;
@@ -372,7 +376,10 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
     } else {
         let depth = coordinate(frame.rows[2], frame.shifts.z, xyz, cover.offset);
         if !(depth >= frame.near) {
-            return near_splat(voxel, xyz, cover, depth);
+            if HAS_NEAR {
+                return near_splat(voxel, xyz, cover, depth);
+            }
+            return nothing();
         }
         let closeness = 1.0 / depth;
         let tx = coordinate(frame.rows[0], frame.shifts.x, xyz, cover.offset) * closeness;
