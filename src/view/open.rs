@@ -124,32 +124,34 @@ fn file_name(path: &Path) -> String {
     path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// Returns what is to be opened of files that were dropped or chosen together, in groups by their names: slices of one ending,
-/// without notes that lie beside them; and each other file, without samples that belong to a header beside them.
+/// Returns what is to be opened of files that were dropped or chosen together, in groups by their names. If all but notes are slices
+/// of one ending, they are one volume, and the notes are left out. Else each file is by itself, without samples that belong to a
+/// header beside them.
 pub(crate) fn groups<T>(files: Vec<T>, name: impl Fn(&T) -> PathBuf) -> Vec<Vec<T>> {
     let ending = |file: &T| name(file).extension().unwrap_or_default().to_ascii_lowercase();
     let has = |file: &T, endings: &[&str]| endings.iter().any(|known| ending(file) == *known);
-    let is_note = |file: &T| has(file, &NOTES) || NOTE_NAMES.iter().any(|known| name(file).ends_with(known));
-    let (mut slices, mut rest) = (Vec::new(), files);
-    for known in SLICES {
-        let is_slice = |file: &T| ending(file) == *known && !is_note(file);
-        if rest.iter().filter(|file| is_slice(file)).count() > 1 {
-            let (found, others) = rest.into_iter().partition(is_slice);
-            slices.push(found);
-            rest = others;
-        }
+    let is_samples = |file: &T| has(file, &SAMPLES);
+    let is_note = |file: &T| has(file, &NOTES) || is_name_of_note(&name(file));
+    let volumes = || files.iter().filter(|file| !is_note(file));
+    let first = volumes().next().map(ending);
+    if files.len() > 1 && first.is_some() && volumes().all(|file| has(file, &SLICES) && Some(ending(file)) == first) {
+        return vec![files.into_iter().filter(|file| !is_note(file)).collect()];
     }
-    let has_header = rest.iter().any(|file| !has(file, &SAMPLES));
-    let is_left_out = |file: &T| has_header && has(file, &SAMPLES) || !slices.is_empty() && is_note(file);
-    rest.retain(|file| !is_left_out(file));
-    slices.into_iter().chain(rest.into_iter().map(|file| vec![file])).collect()
+    let has_header = volumes().any(|file| !is_samples(file));
+    files.into_iter().filter(|file| !(has_header && is_samples(file))).map(|file| vec![file]).collect()
+}
+
+/// Returns whether a file without an ending is a note by its name, or a file that a desktop hides.
+fn is_name_of_note(path: &Path) -> bool {
+    let name = file_name(path).to_ascii_lowercase();
+    name.starts_with('.') || !name.contains('.') && NOTE_NAMES.iter().any(|known| name.starts_with(known))
 }
 
 /// The endings of files that are slices. Many DICOM files have none.
 const SLICES: [&str; 6] = ["", "dcm", "dicom", "ima", "tif", "tiff"];
-/// The endings of notes, and names of notes without one, which often lie beside slices.
-const NOTES: [&str; 7] = ["csv", "html", "json", "md", "pdf", "txt", "xml"];
-const NOTE_NAMES: [&str; 4] = ["COPYING", "DICOMDIR", "LICENSE", "README"];
+/// The endings of notes that lie beside slices, and how names of notes without an ending begin.
+const NOTES: [&str; 6] = ["csv", "html", "json", "md", "pdf", "txt"];
+const NOTE_NAMES: [&str; 7] = ["authors", "copying", "dicomdir", "licence", "license", "notice", "readme"];
 /// The endings of files that hold samples alone, which a header beside them describes.
 const SAMPLES: [&str; 4] = ["raw", "zraw", "img", "bin"];
 
@@ -403,10 +405,14 @@ mod tests {
         }
         assert_eq!(grouped(&["a.adj", "b.adj", "c.nii.gz"]), [1, 1, 1]);
         assert_eq!(grouped(&["1.dcm", "a.tif"]), [1, 1]);
-        let series = ["1.dcm", "LICENSE", "2.dcm", "README.md", "3.dcm"];
+        let series = ["1.dcm", "LICENSE", "2.dcm", "README.md", "3.dcm", ".DS_Store"];
         assert_eq!(groups(series.to_vec(), |name| name.into()), [["1.dcm", "2.dcm", "3.dcm"]]);
-        assert_eq!(grouped(&["IM0001", "DICOMDIR", "IM0002"]), [2]);
-        assert_eq!(grouped(&["a.nrrd", "1.tif", "2.tif"]), [2, 1]);
+        for cd in [["IM0001", "DICOMDIR"], ["IM0001", "dicomdir"], ["IM0001", "LICENSE-MIT"], ["IM0001", "Licence"]] {
+            assert_eq!(groups(cd.to_vec(), |name| name.into()), [["IM0001"]], "{cd:?}");
+        }
+        // Volumes, not slices.
+        assert_eq!(grouped(&["a.tif", "b.tif", "c.nrrd"]), [1, 1, 1]);
+        assert_eq!(grouped(&["brain.raw", "README.md"]), [1, 1]);
         assert_eq!(grouped(&["LICENSE"]), [1]);
         assert_eq!(groups(vec!["brain.raw", "brain.mhd"], |name| name.into()), [["brain.mhd"]]);
         assert_eq!(grouped(&["brain.raw"]), [1]);

@@ -1,7 +1,8 @@
 //! The pipelines of the stages, and the binding of their buffers.
 //!
 //! In: a device. Out: the compute stages walk, project, bin and tile, and the drawing stage splat. Tile and splat are compiled
-//! for each [`BlendMode`], splat also for each format of the target; project and splat with and without voxels near the eye.
+//! for each [`BlendMode`], splat also for each format of the target. Project is compiled for maxima and for footprints; project of
+//! footprints and splat are, with and without voxels near the eye.
 //!
 //! A shader is `shaders/common.wgsl` followed by its own file, of tile and splat also by `shaders/near.wgsl`. Its twin (the
 //! same stage in Rust, for tests) has the same name in tests/gpu/twin.
@@ -111,7 +112,7 @@ pub(crate) struct Pipelines {
     pub(crate) walk: ComputePipeline,
     pub(crate) bin: ComputePipeline,
     project_module: ShaderModule,
-    projects: [[OnceLock<ComputePipeline>; 2]; 2],
+    projects: [OnceLock<ComputePipeline>; 3],
     tile_module: ShaderModule,
     tiles: [OnceLock<ComputePipeline>; 4],
     splat_module: ShaderModule,
@@ -136,11 +137,13 @@ impl Pipelines {
 
     /// Returns the stage that computes splats; `has_near`: whether voxels may be near the eye. Compiles it on first use.
     pub(crate) fn project(&self, device: &Device, blend: BlendMode, has_near: bool) -> &ComputePipeline {
-        let is_maximum = blend == BlendMode::Maximum;
-        let [maximum, near] = [is_maximum, has_near && !is_maximum].map(u8::from);
-        let constants = [("IS_MAXIMUM", f64::from(maximum)), ("HAS_NEAR", f64::from(near))];
-        self.projects[usize::from(maximum)][usize::from(near)]
-            .get_or_init(|| compute_pipeline(device, "project", &self.project_module, &constants))
+        let (index, is_maximum, has_near) = match (blend, has_near) {
+            (BlendMode::Maximum, _) => (0, 1.0, 0.0),
+            (_, false) => (1, 0.0, 0.0),
+            (_, true) => (2, 0.0, 1.0),
+        };
+        let constants = [("IS_MAXIMUM", is_maximum), ("HAS_NEAR", has_near)];
+        self.projects[index].get_or_init(|| compute_pipeline(device, "project", &self.project_module, &constants))
     }
 
     /// Returns the stage that composites tiles; compiles it on first use.

@@ -27,8 +27,7 @@ fn corner_of(slot: u32, k: u32) -> Corner {
     let size = frame.window.zw - frame.window.xy;
     let low = max(first, vec2<i32>(0));
     let high = min(last + 1, size);
-    // Voxels of a damaged file may lie outside the grid, near the eye.
-    let is_nothing = splat.columns == NOTHING || (!HAS_NEAR && splat.falloff_y < 0.0);
+    let is_nothing = splat.columns == NOTHING;
     let x = select(low.x, high.x, (k == 1u || k >= 4u) && !is_nothing);
     let y = select(low.y, high.y, (k == 2u || k == 3u || k == 5u) && !is_nothing);
     let at = vec2<f32>(vec2<i32>(x, y)) / vec2<f32>(size);
