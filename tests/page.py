@@ -226,7 +226,7 @@ def wait(what, get, patience=PATIENCE):
     while time.time() - start < patience:
         if value := get():
             return value
-        time.sleep(0.1)
+        time.sleep(0.03)
     sys.exit(f"{what}: not seen within {patience} s")
 
 
@@ -639,7 +639,7 @@ def check_memory(browser, files, folder):
     assert fetched[1] > 50e6 and memory[1] - memory[0] < 20e6, (fetched, memory)
 
 
-def ball(side=40):
+def ball(side=32):
     """A ball, darker towards its surface."""
     axes = np.ogrid[[slice(-1, 1, 1j * side)] * 3]
     return np.maximum(0, 1000 * (1 - sum(axis**2 for axis in axes))).astype("<u2")
@@ -736,11 +736,11 @@ def ome_zarr(folder, volume):
     ]
     os.makedirs(folder)
     for level, points in enumerate((volume, volume[::2, ::2, ::2])):
-        array = {"zarr_format": 2, "shape": points.shape, "chunks": [16] * 3, "dtype": "<u2", "order": "C"}
+        array = {"zarr_format": 2, "shape": points.shape, "chunks": [12] * 3, "dtype": "<u2", "order": "C"}
         array |= {"compressor": {"id": "zlib", "level": 1}, "filters": None, "fill_value": 0, "dimension_separator": "/"}
-        for at in np.ndindex(*(-(-count // 16) for count in points.shape)):
-            part = points[tuple(slice(16 * i, 16 * i + 16) for i in at)]
-            chunk = np.pad(part, [(0, 16 - count) for count in part.shape])
+        for at in np.ndindex(*(-(-count // 12) for count in points.shape)):
+            part = points[tuple(slice(12 * i, 12 * i + 12) for i in at)]
+            chunk = np.pad(part, [(0, 12 - count) for count in part.shape])
             path = os.path.join(folder, str(level), *map(str, at))
             os.makedirs(os.path.dirname(path), exist_ok=True)
             open(path, "wb").write(zlib.compress(chunk.tobytes()))
@@ -781,13 +781,13 @@ def check_folders(browser, folder):
     # The same names in two folders.
     os.makedirs(path("twins"))
     shutil.copytree(path("slices"), path("twins", "slices"))
-    half = np.ascontiguousarray(ball()[:, :20])
-    header = "ObjectType = Image\nNDims = 3\nDimSize = 40 20 40\nElementType = MET_USHORT\nElementDataFile = half.raw\n"
+    half = np.ascontiguousarray(ball()[:, :16])
+    header = "ObjectType = Image\nNDims = 3\nDimSize = 32 16 32\nElementType = MET_USHORT\nElementDataFile = half.raw\n"
     for name in ("one", "two"):
         os.makedirs(path(name))
         open(path(name, "half.raw"), "wb").write(half.tobytes())
         open(path(name, "half.mhd"), "w").write(header)
-    nrrd = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 40 20 40\nendian: little\nencoding: raw\n\n"
+    nrrd = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 32 16 32\nendian: little\nencoding: raw\n\n"
     open(path("twins", "ball.nrrd"), "wb").write(nrrd.encode() + half.tobytes())
     volumes = ["slices", "ball.zarr"]
     head = os.path.join(os.path.dirname(__file__), "../../shared/data/SAG-anon")
@@ -840,7 +840,7 @@ def check_folders(browser, folder):
             "its subfolders, such as series 1",
             ("bricks.adjs",): "bricks.adjs: is a collection of bricks",
             ("twins",): "twins: is a folder without TIFF or DICOM files",
-            (*names, "twins/slices/slice7.tif"): "slice1.tif and 40 more: slice7.tif is the name of several slices",
+            (*names, "twins/slices/slice7.tif"): "slice1.tif and 32 more: slice7.tif is the name of several slices",
             ("one/half.mhd", "one/half.raw", "two/half.raw"): "half.mhd: half.raw is the name of several files",
         }.items():
             if len(dropped) > 1:
