@@ -735,12 +735,13 @@ def ome_zarr(folder, volume):
         for level in range(2)
     ]
     os.makedirs(folder)
+    side = 12  # of a chunk: the last ones reach beyond the volume
     for level, points in enumerate((volume, volume[::2, ::2, ::2])):
-        array = {"zarr_format": 2, "shape": points.shape, "chunks": [12] * 3, "dtype": "<u2", "order": "C"}
+        array = {"zarr_format": 2, "shape": points.shape, "chunks": [side] * 3, "dtype": "<u2", "order": "C"}
         array |= {"compressor": {"id": "zlib", "level": 1}, "filters": None, "fill_value": 0, "dimension_separator": "/"}
-        for at in np.ndindex(*(-(-count // 12) for count in points.shape)):
-            part = points[tuple(slice(12 * i, 12 * i + 12) for i in at)]
-            chunk = np.pad(part, [(0, 12 - count) for count in part.shape])
+        for at in np.ndindex(*(-(-count // side) for count in points.shape)):
+            part = points[tuple(slice(side * i, side * i + side) for i in at)]
+            chunk = np.pad(part, [(0, side - count) for count in part.shape])
             path = os.path.join(folder, str(level), *map(str, at))
             os.makedirs(os.path.dirname(path), exist_ok=True)
             open(path, "wb").write(zlib.compress(chunk.tobytes()))

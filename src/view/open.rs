@@ -141,7 +141,7 @@ pub(crate) fn groups<T>(files: Vec<T>, name: impl Fn(&T) -> PathBuf) -> Vec<Vec<
     files.into_iter().filter(|file| !(has_header && is_samples(file))).map(|file| vec![file]).collect()
 }
 
-/// Returns whether a file without an ending is a note by its name, or a file that a desktop hides.
+/// Returns whether the name of a file without an ending is that of a note, or the file is hidden.
 fn is_name_of_note(path: &Path) -> bool {
     let name = file_name(path).to_ascii_lowercase();
     name.starts_with('.') || !name.contains('.') && NOTE_NAMES.iter().any(|known| name.starts_with(known))

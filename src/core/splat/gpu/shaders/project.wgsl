@@ -18,7 +18,7 @@
 @group(0) @binding(8) var<storage, read_write> splats: array<Splat>;
 @group(0) @binding(9) var<storage, read_write> drawn: array<atomic<u32>>; // Number of drawn splats, by counter.
 
-// What voxels may be. Compilers leave out the rest: in software they take as long as a small picture (docs/studies/gpu.md).
+// What voxels may be. A compiler leaves out the rest; that halves its time in some software (docs/studies/gpu.md).
 override IS_MAXIMUM: bool; // Whether splats are values to interpolate; else they are footprints.
 override HAS_NEAR: bool; // Whether voxels may be near the eye. In a maximum none is.
 
