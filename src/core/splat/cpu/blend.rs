@@ -34,6 +34,12 @@ pub trait Blend {
     ///
     /// `stop` is the transmittance below which the pixel no longer changes; 0 for never.
     fn blend(value: f32, alpha: f32, amount: f32, ink: f32, stop: f32) -> f32;
+
+    /// Returns a pixel's alpha after a splat: the bits of [`blend`](Self::blend) with [`ALPHA_INK`](Self::ALPHA_INK).
+    #[inline(always)]
+    fn fade(alpha: f32, amount: f32, stop: f32) -> f32 {
+        Self::blend(alpha, alpha, amount, Self::ALPHA_INK, stop)
+    }
 }
 
 /// Compositing front to back; alpha is the transmittance. A pixel below `stop` keeps its values.
@@ -47,6 +53,11 @@ impl Blend for FrontToBack {
     #[inline(always)]
     fn blend(value: f32, alpha: f32, amount: f32, ink: f32, stop: f32) -> f32 {
         value + keep_if(alpha >= stop, alpha * amount) * ink
+    }
+
+    #[inline(always)]
+    fn fade(alpha: f32, amount: f32, stop: f32) -> f32 {
+        alpha - keep_if(alpha >= stop, alpha * amount)
     }
 }
 

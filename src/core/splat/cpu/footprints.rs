@@ -147,7 +147,7 @@ impl Footprints {
             for (tiles, at) in tiles.iter_mut().zip(&at[side]) {
                 let first = ((at - reach + PLACES - 1) >> (BITS + TILE)).max(0);
                 let count = (((at + reach) >> (BITS + TILE)).min(last) + 1 - first).max(0);
-                *tiles = Tiles { column: first as u16, place: count as u16 };
+                *tiles = Tiles { first: first as u16, count: count as u16 };
             }
         }
     }

@@ -18,32 +18,25 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::time::Instant;
 
-use bytemuck::Zeroable;
-
 use super::bit_rows::{BitRows, runs};
 use super::blend::Blend;
 use super::dispatch;
 use super::footprints::Footprints;
 use super::lattice::{Lattice, Slice};
+use super::lists::{FULL, Lists, TOGETHER};
 use super::look_tables::LookTables;
 use super::project::{GROUP, Projector, VoxelBlock, limited};
 use super::raster::{BLOCK, Splats};
-use super::slab::{Line, Slab};
-use super::stamps::Stamps;
+use super::slab::{Line, Run, Slab};
+use super::spans::Spans;
+use super::stamps::{Span, Stamps};
 use super::task::{BandResult, BandStats, DrawTask};
 use super::tile_buffer::{Rect, TILE, TileBuffer};
 use super::tile_composite::Weights;
 use crate::error::Result;
 use crate::splat::Code;
-use crate::splat::frame::zeroed;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
-/// Longest list of a tile.
-const LONGEST: usize = 128;
-/// Number of splats on a tile's list at which the tile takes them: a bit of all greater numbers up to `LONGEST`.
-const FULL: u32 = 64;
-/// How many splats are put on lists before tiles with full lists take theirs.
-const TOGETHER: usize = LONGEST - FULL as usize;
 /// Slack of rounded bounds, in voxels or pixels of the plane.
 const SLACK: f64 = 1e-3;
 
@@ -107,19 +100,6 @@ impl<B: Blend> Visitor for LatticePainter<'_, '_, B> {
     }
 }
 
-/// The splats that wait for a tile, in visit order. A list's length lies near its splats and far from other lengths, so
-/// that a processor never loads together what it stored one by one.
-#[derive(Clone, Copy, Zeroable)]
-#[repr(C)]
-struct List {
-    count: u32,
-    /// 1 if the tile is open, else 0.
-    grows: u32,
-    splats: [u32; LONGEST],
-    /// Keeps the lengths of neighbouring lists out of one set of the cache.
-    _apart: [u32; 6],
-}
-
 /// A band of the lattice's tiles, and the voxels that one thread is drawing on it.
 pub(super) struct Band<'a, B> {
     blend: PhantomData<B>,
@@ -154,10 +134,9 @@ pub(super) struct Band<'a, B> {
     stamps: Option<Stamps>,
     /// What voxels beside the points of the grid weigh in a parallel view.
     footprints: Option<&'a Footprints>,
-    /// How many closed tiles are before and after a row, so that a voxel's tiles need not be clipped.
-    around: usize,
-    /// For each tile of a row, with those around it: the splats that wait for it.
-    lists: Box<[List]>,
+    /// What reaches the tiles in a perspective, if voxels lie on points of the grid.
+    spans: Option<Spans>,
+    lists: Lists,
     /// How many splats tiles took of the slab at hand, and in how many visits.
     taken: u64,
     visits: u64,
@@ -194,8 +173,7 @@ impl<'a, B: Blend> Band<'a, B> {
             Stamps::new(lattice, voxels, depth)
         });
         let line = task.setup.lane.dims[task.projector.nesting[2]] as usize;
-        let around = stamps.as_ref().map_or(0, Stamps::before);
-        let tiles = (around + columns + RUN) as u64;
+        let has_spans = task.projector.is_on_grid() && stamps.is_none();
         let mut block = Splats::new();
         (0..BLOCK).for_each(|j| block.kept[j] = j as u8);
         Ok(Band {
@@ -220,8 +198,8 @@ impl<'a, B: Blend> Band<'a, B> {
             slab: Slab::new(rows, line)?,
             stamps,
             footprints,
-            around,
-            lists: zeroed(tiles)?,
+            spans: has_spans.then(|| Spans::new([columns, rows])),
+            lists: Lists::new(columns)?,
             taken: 0,
             visits: 0,
             drawn: 0,
@@ -316,6 +294,9 @@ impl<'a, B: Blend> Band<'a, B> {
         let index = self.slab.begin_slice();
         if let Some(stamps) = &mut self.stamps {
             stamps.set::<B>(index, self.lattice, &self.slice, projector.cut);
+        }
+        if let Some(spans) = &mut self.spans {
+            spans.set(index, self.lattice, &self.slice, self.first_row);
         }
     }
 
@@ -441,8 +422,8 @@ impl<'a, B: Blend> Band<'a, B> {
         let looks = match (stamps, footprints) {
             (Some(stamps), _) => slab.add_stamped(voxels, stamps),
             (_, Some(footprints)) => slab.add_footprints(voxels, &projector.lane, slice, footprints),
-            _ if projector.is_on_grid() => slab.add_placed(voxels, voxels.positions(), lattice, slice),
-            _ => slab.add_placed(voxels, &projector.displaced(voxels), lattice, slice),
+            _ if projector.is_on_grid() => slab.add_placed(voxels, lattice, slice),
+            _ => slab.add_displaced(voxels, &projector.displaced(voxels), lattice, slice),
         };
         match tables {
             Some(tables) => tables.colour(projector, voxels, looks),
@@ -462,6 +443,7 @@ impl<'a, B: Blend> Band<'a, B> {
     /// Lets all open tiles take the voxels of the slab.
     #[inline(always)]
     pub(super) fn take_all(&mut self, projector: &Projector) {
+        self.find_runs();
         for row in 0..self.rows {
             if self.slab.lines_of(row) == 0 {
                 continue;
@@ -476,93 +458,103 @@ impl<'a, B: Blend> Band<'a, B> {
         (self.taken, self.visits) = (0, 0);
     }
 
+    /// Finds the runs of the slab's voxels and the tiles that they may reach, if they lie on points of the grid.
+    #[inline(always)]
+    fn find_runs(&mut self) {
+        let Band { slab, stamps, spans, columns, .. } = self;
+        if let Some(stamps) = stamps {
+            slab.find_runs(|slice, fasts| stamps.columns(slice, fasts, *columns));
+        } else if let Some(spans) = spans {
+            slab.find_runs(|slice, fasts| spans.columns(slice, fasts));
+        }
+    }
+
     /// Lets the open tiles of a row take the voxels of the lines that reach it.
     #[inline(always)]
     fn take_row<const STAMPED: bool, const ONE_DEPTH: bool>(&mut self, projector: &Projector, row: usize) {
-        let [before, end] = [self.around, self.around + self.columns];
-        for (column, list) in self.lists[before..end].iter_mut().enumerate() {
-            list.grows = u32::from(self.open.get(row, column));
-        }
+        self.lists.begin_row(self.columns, |column| self.open.get(row, column));
+        let all = [0, self.columns];
         for index in 0..self.slab.lines_of(row) {
             let line = *self.slab.line(row, index);
+            if STAMPED || self.spans.is_some() {
+                let (span, is_reached) = self.span::<STAMPED>(row, &line);
+                for run in if is_reached { line.runs[0]..line.runs[1] } else { 0..0 } {
+                    let Some(run) = self.slab.run(run) else { break };
+                    if self.put_run(&line, span, &run) & FULL != 0 {
+                        self.take::<STAMPED, ONE_DEPTH>(projector, row, run.columns.map(usize::from), FULL);
+                    }
+                }
+                continue;
+            }
             for first in (line.splats[0]..line.splats[1]).step_by(TOGETHER) {
                 let splats = [first, line.splats[1].min(first + TOGETHER as u32)];
-                if self.put_on_lists::<STAMPED>(row, &Line { splats, ..line }) & FULL != 0 {
-                    self.take::<STAMPED, ONE_DEPTH>(projector, row, FULL);
+                if self.put_each(row, &Line { splats, ..line }) & FULL != 0 {
+                    self.take::<STAMPED, ONE_DEPTH>(projector, row, all, FULL);
                 }
             }
         }
-        self.take::<STAMPED, ONE_DEPTH>(projector, row, 1);
+        self.take::<STAMPED, ONE_DEPTH>(projector, row, all, 1);
     }
 
-    /// Puts the splats of a line on the lists of a row's tiles. Returns a number with the bits of these lists' lengths.
+    /// Puts the splats of a run on the lists of a row's tiles. Returns a number with the bits of these lists' lengths.
     #[inline(always)]
-    fn put_on_lists<const STAMPED: bool>(&mut self, row: usize, line: &Line) -> u32 {
-        let Band { slab, stamps, lists, first_row, around, .. } = self;
-        let row = *first_row + row as i32;
-        let reaches = stamps.as_ref().filter(|_| STAMPED);
-        let reaches = reaches.map(|stamps| stamps.reaches(line.slice, line.medium, row));
-        let mut rows = if STAMPED { [].iter() } else { slab.rows(line).iter() };
+    fn put_run(&mut self, line: &Line, span: Option<Span>, run: &Run) -> u32 {
+        match (span, &self.spans) {
+            (Some(span), _) => self.lists.put_run(run, |column| span.of_column(column)),
+            (_, Some(spans)) => self.lists.put_run(run, |column| spans.of_column(line.slice, column)),
+            _ => 0,
+        }
+    }
+
+    /// Returns which voxels of a line reach the first tile of a row, with stamps; and whether any voxel reaches any tile.
+    #[inline(always)]
+    fn span<const STAMPED: bool>(&self, row: usize, line: &Line) -> (Option<Span>, bool) {
+        if STAMPED {
+            let stamps = self.stamps.as_ref();
+            let span = stamps.and_then(|stamps| stamps.span(line.slice, line.medium, self.first_row + row as i32));
+            return (span, span.is_some());
+        }
+        (None, self.spans.as_ref().is_some_and(|spans| spans.reach_row(line.slice, line.medium, row)))
+    }
+
+    /// Puts the splats of a line on the lists of a row's tiles, one by one. Returns a number with the bits of these lists'
+    /// lengths.
+    #[inline(always)]
+    fn put_each(&mut self, row: usize, line: &Line) -> u32 {
+        let Band { slab, lists, first_row, .. } = self;
+        let row = (*first_row + row as i32) as u16;
+        let (columns, rows) = slab.tiles(line);
         let mut lengths = 0;
-        for (splat, tiles) in (line.splats[0]..).zip(slab.tiles(line)) {
-            let (mut first, mut width) = (usize::from(tiles.column), usize::from(tiles.place));
-            if let Some(reaches) = reaches {
-                let Some(reach) = reaches.get(usize::from(tiles.place)) else { continue };
-                (first, width) = ((first + *around).wrapping_sub(reach.before.into()), reach.width.into());
-            }
-            if !STAMPED && rows.next().is_none_or(|rows| (row as u16).wrapping_sub(rows.column) >= rows.place) {
-                continue;
-            }
-            loop {
-                lengths |= put(lists, first, width, splat);
-                if width <= RUN {
-                    break;
-                }
-                (first, width) = (first + RUN, width - RUN);
+        for ((splat, columns), rows) in (line.splats[0]..).zip(columns).zip(rows) {
+            if row.wrapping_sub(rows.first) < rows.count {
+                lengths |= lists.put(columns.first.into(), columns.count.into(), splat);
             }
         }
         lengths
     }
 
-    /// Lets the tiles of a row with at least this many splats on their lists take them.
+    /// Lets those tiles of a row, from the first column to before the second, with at least this many splats on their lists take
+    /// them.
     #[inline(always)]
-    fn take<const STAMPED: bool, const ONE_DEPTH: bool>(&mut self, projector: &Projector, row: usize, least: u32) {
+    fn take<const STAMPED: bool, const ONE_DEPTH: bool>(
+        &mut self,
+        projector: &Projector,
+        row: usize,
+        [first, end]: [usize; 2],
+        least: u32,
+    ) {
         let weights = Weights { stamps: self.stamps.as_ref(), footprints: self.footprints, lattice: self.lattice };
-        for column in 0..self.columns {
-            let list = &mut self.lists[self.around + column];
-            if list.count < least {
-                continue;
-            }
-            let count = std::mem::take(&mut list.count);
-            self.taken += u64::from(count);
+        for column in first..end {
+            let Some(splats) = self.lists.take(column, least) else { continue };
+            self.taken += splats.len() as u64;
             self.visits += 1;
-            let splats = &list.splats[..(count as usize).min(LONGEST)];
             let place = [column as i32, self.first_row + row as i32];
             if !weights.blend::<B, STAMPED, ONE_DEPTH>(projector, &self.slab, splats, &mut self.pixels, place) {
                 self.open.clear(row, column);
-                list.grows = 0;
+                self.lists.close(column);
             }
         }
     }
-}
-
-/// Number of tiles whose lists grow at once.
-const RUN: usize = 3;
-
-/// Puts a splat on the lists of the first `width` tiles of a run, from `first` on, if they grow. Returns a number with
-/// the bits of all lengths of lists.
-#[inline(always)]
-fn put(lists: &mut [List], first: usize, width: usize, splat: u32) -> u32 {
-    let lists: Option<&mut [_; RUN]> = lists.get_mut(first..).and_then(|lists| lists.first_chunk_mut());
-    let Some(lists) = lists else { return 0 };
-    let mut all = 0;
-    for (tile, list) in lists.iter_mut().enumerate() {
-        // On a list that does not grow, what is beyond its end does not matter.
-        list.splats[list.count as usize % LONGEST] = splat;
-        list.count += list.grows & u32::from(tile < width);
-        all |= list.count;
-    }
-    all
 }
 
 /// Returns how many of the first coordinates are equal.

@@ -306,9 +306,27 @@ impl Lattice {
         Place { pixel: [column, row], offset: [right, down], scale: (step * step) as f32 }
     }
 
-    /// Computes the places of voxels of a slice in a perspective, and which columns and rows of tiles they reach.
+    /// Computes the places of voxels of a slice in a perspective, from their coordinates on the fast and the medium axis.
     #[inline(always)]
-    pub(super) fn set_places<C: Coordinates>(
+    pub(super) fn set_places(&self, slice: &Slice, voxels: [&[u16; BLOCK]; 2], places: &mut [Place]) {
+        let (mut pixel, mut offset) = ([[0; BLOCK]; 2], [[0.0; BLOCK]; 2]);
+        let per_pixel = 1.0 / slice.step;
+        for side in 0..2 {
+            let origin = slice.origin[side];
+            for j in 0..BLOCK {
+                (pixel[side][j], offset[side][j]) = nearest_pixel((f64::from(voxels[side][j]) - origin) * per_pixel);
+            }
+        }
+        let scale = (slice.step * slice.step) as f32;
+        for (j, place) in places.iter_mut().enumerate().take(BLOCK) {
+            *place = Place { pixel: [pixel[0][j], pixel[1][j]], offset: [offset[0][j], offset[1][j]], scale };
+        }
+    }
+
+    /// Computes the places of voxels of a slice in a perspective that may lie beside points of the grid, and which columns and
+    /// rows of tiles they reach.
+    #[inline(always)]
+    pub(super) fn set_places_beside<C: Coordinates>(
         &self,
         slice: &Slice,
         positions: &C,
@@ -316,27 +334,15 @@ impl Lattice {
         tiles: [&mut [Tiles]; 2],
     ) {
         let (mut pixel, mut offset) = ([[0; BLOCK]; 2], [[0.0; BLOCK]; 2]);
-        let mut scale = [(slice.step * slice.step) as f32; BLOCK];
-        let mut radius = [self.kernel.radius / slice.step as f32; BLOCK];
-        if C::ON_GRID {
-            let per_pixel = 1.0 / slice.step;
-            for side in 0..2 {
-                let origin = slice.origin[side];
-                for j in 0..BLOCK {
-                    let at = positions.at(j)[2 - side];
-                    (pixel[side][j], offset[side][j]) = nearest_pixel((at - origin) * per_pixel);
-                }
-            }
-        } else {
-            let mut at = [[0.0; BLOCK]; 3];
-            for j in 0..BLOCK {
-                [at[0][j], at[1][j], at[2][j]] = positions.at(j);
-            }
-            for j in 0..BLOCK {
-                let place = Lattice::place_beside(slice, [at[0][j], at[1][j], at[2][j]]);
-                ([pixel[0][j], pixel[1][j]], [offset[0][j], offset[1][j]]) = (place.pixel, place.offset);
-                (scale[j], radius[j]) = (place.scale, self.kernel.radius / place.scale.sqrt());
-            }
+        let (mut scale, mut radius) = ([0.0; BLOCK], [0.0; BLOCK]);
+        let mut at = [[0.0; BLOCK]; 3];
+        for j in 0..BLOCK {
+            [at[0][j], at[1][j], at[2][j]] = positions.at(j);
+        }
+        for j in 0..BLOCK {
+            let place = Lattice::place_beside(slice, [at[0][j], at[1][j], at[2][j]]);
+            ([pixel[0][j], pixel[1][j]], [offset[0][j], offset[1][j]]) = (place.pixel, place.offset);
+            (scale[j], radius[j]) = (place.scale, self.kernel.radius / place.scale.sqrt());
         }
         for (side, tiles) in tiles.into_iter().enumerate() {
             let (first, step) = match &self.rays {
@@ -356,7 +362,7 @@ impl Lattice {
                 (from[j], count[j]) = (low as u16, (high + 1 - low).max(0) as u16);
             }
             for (j, tiles) in tiles.iter_mut().enumerate().take(BLOCK) {
-                *tiles = Tiles { column: from[j], place: count[j] };
+                *tiles = Tiles { first: from[j], count: count[j] };
             }
         }
         for (j, place) in places.iter_mut().enumerate().take(BLOCK) {

@@ -5,6 +5,7 @@
 
 use super::footprints::Footprints;
 use super::lattice::{Lattice, Place, Slice};
+use super::lists::TOGETHER;
 use super::project::{Coordinates, VoxelBlock};
 use super::raster::BLOCK;
 use super::stamps::Stamps;
@@ -27,16 +28,44 @@ pub(super) struct Line {
     pub(super) medium: i32,
     /// Its first splat, and the one after its last.
     pub(super) splats: [u32; 2],
+    /// Its first run, and the one after its last, if voxels lie on points of the grid.
+    pub(super) runs: [u32; 2],
 }
 
-/// Which tiles of a row a voxel reaches.
+/// Voxels of a line of which each is beside the one before it: at most [`TOGETHER`].
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Run {
+    /// The splat of the first.
+    pub(super) splat: u32,
+    /// The coordinates of the first and the last on the fast axis. The first may be the greater one.
+    fasts: [i32; 2],
+    /// The first column of tiles that they may reach, and the one after the last.
+    pub(super) columns: [u16; 2],
+}
+
+impl Run {
+    /// Returns the coordinate of the run's voxel if there is only one.
+    #[inline(always)]
+    pub(super) fn only_voxel(&self) -> Option<i32> {
+        (self.fasts[0] == self.fasts[1]).then_some(self.fasts[0])
+    }
+
+    /// Returns the numbers, in the run, of the first and the last voxel between two places along the fast axis; the first number is
+    /// greater if there is none.
+    #[inline(always)]
+    pub(super) fn part(&self, [low, high]: [i32; 2]) -> [i32; 2] {
+        let [first, last] = self.fasts;
+        let (from, to) = if first <= last { (low - first, high - first) } else { (first - high, first - low) };
+        [from.max(0), to.min((last - first).abs())]
+    }
+}
+
+/// The tiles of a row, or of a column, that a voxel reaches.
 #[derive(Debug, Clone, Copy, Default, bytemuck::Zeroable)]
 #[repr(C)]
 pub(super) struct Tiles {
-    /// With stamps: the last tile that a voxel at its place may reach; without: the first that it reaches.
-    pub(super) column: u16,
-    /// With stamps: its place among the voxels of a tile; without: the number of tiles.
-    pub(super) place: u16,
+    pub(super) first: u16,
+    pub(super) count: u16,
 }
 
 /// Voxels of a few slices. What is for a voxel is in arrays with one element each.
@@ -49,8 +78,11 @@ pub(super) struct Slab {
     /// Number of splats at which the slab is full.
     enough: usize,
     count: usize,
-    tiles: Box<[Tiles]>,
-    /// Without stamps: the rows of tiles that the voxel reaches.
+    runs: Vec<Run>,
+    /// Where voxels lie on points of the grid: the coordinate on the fast axis.
+    fasts: Box<[u16]>,
+    /// Where they lie beside them: the columns and the rows of tiles that the voxel reaches.
+    columns: Box<[Tiles]>,
     rows: Box<[Tiles]>,
     /// Red, green, blue, and the optical depth in units of ln 2, for a tile of strength 1.
     looks: Box<[[f32; 4]]>,
@@ -70,7 +102,9 @@ impl Slab {
             of_row: vec![Vec::new(); rows],
             enough: ENOUGH[0],
             count: 0,
-            tiles: zeroed(room)?,
+            runs: Vec::new(),
+            fasts: zeroed(room)?,
+            columns: zeroed(room)?,
             rows: zeroed(room)?,
             looks: zeroed(room)?,
             stamps: zeroed(room)?,
@@ -109,7 +143,7 @@ impl Slab {
         let number = self.lines.len() as u32;
         self.of_row[low..=high].iter_mut().for_each(|lines| lines.push(number));
         let splats = splats.map(|splat| splat as u32);
-        self.lines.push(Line { slice: self.slices.max(1) - 1, medium: medium.into(), splats });
+        self.lines.push(Line { slice: self.slices.max(1) - 1, medium: medium.into(), splats, runs: [0; 2] });
     }
 
     /// Adds the splats of a block's voxels, of the last slice, whose weights are stamps; returns where their looks are to be
@@ -119,7 +153,19 @@ impl Slab {
         let range = self.count..self.count + BLOCK;
         let [_, mediums, fasts] = voxels.positions();
         let slice = self.slices.max(1) - 1;
-        stamps.place(slice, [fasts, mediums], &mut self.stamps[range.clone()], &mut self.tiles[range]);
+        stamps.number(slice, [fasts, mediums], &mut self.stamps[range.clone()]);
+        self.fasts[range].copy_from_slice(fasts);
+        self.looks_of(voxels)
+    }
+
+    /// Adds the splats of a block's voxels, of the last slice, which lie on points of the grid in a perspective; returns where
+    /// their looks are to be put.
+    #[inline(always)]
+    pub(super) fn add_placed(&mut self, voxels: &VoxelBlock, lattice: &Lattice, slice: &Slice) -> &mut [[f32; 4]] {
+        let range = self.count..self.count + BLOCK;
+        let [_, mediums, fasts] = voxels.positions();
+        lattice.set_places(slice, [fasts, mediums], &mut self.places[range.clone()]);
+        self.fasts[range].copy_from_slice(fasts);
         self.looks_of(voxels)
     }
 
@@ -134,15 +180,15 @@ impl Slab {
         footprints: &Footprints,
     ) -> &mut [[f32; 4]] {
         let range = self.count..self.count + BLOCK;
-        let tiles = [&mut self.tiles[range.clone()], &mut self.rows[range.clone()]];
+        let tiles = [&mut self.columns[range.clone()], &mut self.rows[range.clone()]];
         footprints.place_block(voxels, lane, slice, &mut self.stamps[range], tiles);
         self.looks_of(voxels)
     }
 
-    /// Adds the splats of a block's voxels, of the last slice, which are at `positions`; returns where their looks are to be
-    /// put.
+    /// Adds the splats of a block's voxels, of the last slice, which are at `positions`, beside points of the grid, in a
+    /// perspective; returns where their looks are to be put.
     #[inline(always)]
-    pub(super) fn add_placed<C: Coordinates>(
+    pub(super) fn add_displaced<C: Coordinates>(
         &mut self,
         voxels: &VoxelBlock,
         positions: &C,
@@ -150,8 +196,8 @@ impl Slab {
         slice: &Slice,
     ) -> &mut [[f32; 4]] {
         let range = self.count..self.count + BLOCK;
-        let tiles = [&mut self.tiles[range.clone()], &mut self.rows[range.clone()]];
-        lattice.set_places(slice, positions, &mut self.places[range], tiles);
+        let tiles = [&mut self.columns[range.clone()], &mut self.rows[range.clone()]];
+        lattice.set_places_beside(slice, positions, &mut self.places[range], tiles);
         self.looks_of(voxels)
     }
 
@@ -174,31 +220,58 @@ impl Slab {
         &self.lines[self.of_row[row][index] as usize]
     }
 
-    /// Returns which tiles the voxels of a line reach.
+    /// Finds the runs of all lines; `columns` returns the first column of tiles that voxels of a slice between two places along
+    /// the fast axis may reach, and the one after the last.
     #[inline(always)]
-    pub(super) fn tiles(&self, line: &Line) -> &[Tiles] {
-        &self.tiles[line.splats[0] as usize..line.splats[1] as usize]
+    pub(super) fn find_runs(&mut self, columns: impl Fn(usize, [i32; 2]) -> [u16; 2]) {
+        for line in &mut self.lines {
+            line.runs[0] = self.runs.len() as u32;
+            let [mut splat, end] = line.splats;
+            let mut fasts = self.fasts[splat as usize..end as usize].iter().copied().peekable();
+            while let Some(first) = fasts.next() {
+                let step = fasts.peek().map_or(0, |next| next.wrapping_sub(first));
+                let (mut last, mut len) = (first, 1);
+                if step == 1 || step == u16::MAX {
+                    while len < TOGETHER as u32 && fasts.next_if_eq(&last.wrapping_add(step)).is_some() {
+                        (last, len) = (last.wrapping_add(step), len + 1);
+                    }
+                }
+                let ends = [first, last].map(i32::from);
+                let columns = columns(line.slice, [ends[0].min(ends[1]), ends[0].max(ends[1])]);
+                if columns[0] < columns[1] {
+                    self.runs.push(Run { splat, fasts: ends, columns });
+                }
+                splat += len;
+            }
+            line.runs[1] = self.runs.len() as u32;
+        }
     }
 
-    /// Returns which rows of tiles they reach, without stamps.
     #[inline(always)]
-    pub(super) fn rows(&self, line: &Line) -> &[Tiles] {
-        &self.rows[line.splats[0] as usize..line.splats[1] as usize]
+    pub(super) fn run(&self, run: u32) -> Option<Run> {
+        self.runs.get(run as usize).copied()
+    }
+
+    /// Returns which columns and rows of tiles the voxels of a line reach, if they lie beside points of the grid.
+    #[inline(always)]
+    pub(super) fn tiles(&self, line: &Line) -> (&[Tiles], &[Tiles]) {
+        let range = line.splats[0] as usize..line.splats[1] as usize;
+        (&self.columns[range.clone()], &self.rows[range])
     }
 
     #[inline(always)]
-    pub(super) fn look(&self, splat: u32) -> &[f32; 4] {
-        &self.looks[(splat as usize).min(self.looks.len() - 1)]
+    pub(super) fn look(&self, splat: u32) -> Option<&[f32; 4]> {
+        self.looks.get(splat as usize)
     }
 
     #[inline(always)]
-    pub(super) fn stamp(&self, splat: u32) -> i32 {
-        self.stamps[(splat as usize).min(self.stamps.len() - 1)]
+    pub(super) fn stamp(&self, splat: u32) -> Option<i32> {
+        self.stamps.get(splat as usize).copied()
     }
 
     #[inline(always)]
-    pub(super) fn place(&self, splat: u32) -> &Place {
-        &self.places[(splat as usize).min(self.places.len() - 1)]
+    pub(super) fn place(&self, splat: u32) -> Option<&Place> {
+        self.places.get(splat as usize)
     }
 
     /// Removes all voxels and slices. Tiles took this many splats, in so many visits: the next slab is larger if these
@@ -214,6 +287,7 @@ impl Slab {
         }
         self.of_row.iter_mut().for_each(Vec::clear);
         self.lines.clear();
+        self.runs.clear();
         (self.slices, self.count) = (0, 0);
     }
 }

@@ -6,7 +6,7 @@
 use super::blend::Blend;
 use super::lattice::{Lattice, Slice};
 use super::raster::BLOCK;
-use super::slab::{SLICES, Tiles};
+use super::slab::SLICES;
 use super::tile_buffer::TILE_PIXELS;
 
 /// Slack of rounded bounds, in voxels.
@@ -14,8 +14,9 @@ const SLACK: f64 = 1e-3;
 
 /// What the kernels that reach a tile weigh at its pixels, for the slices of a slab.
 pub(super) struct Stamps {
-    /// Number of voxels to a tile.
+    /// Number of voxels to a tile, and 2^32 over it, rounded up.
     voxels: i32,
+    per_voxel: u64,
     /// Number of columns and rows of voxels that may reach a tile.
     size: [i32; 2],
     /// The optical depth of all voxels at their centres, if they have one. A stamp then has amounts of light; else
@@ -25,17 +26,29 @@ pub(super) struct Stamps {
     first: [[i32; 2]; SLICES],
     /// For each slice: a row of stamps after the other.
     stamps: Vec<[f32; TILE_PIXELS]>,
-    /// For each row of stamps: the tiles that a voxel at each place among the voxels of a tile reaches.
-    reaches: Vec<Reach>,
+    /// For each row of stamps: the first and the last column whose voxels reach the first tile; and for each slice, of all rows.
+    ends: Vec<[i32; 2]>,
+    widest: [[i32; 2]; SLICES],
 }
 
-/// Which tiles of a row a voxel reaches.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Reach {
-    /// How far the first is before the column that the voxel has in the slab.
-    pub(super) before: u16,
-    /// Number of tiles.
-    pub(super) width: u16,
+/// The ends of a row of stamps that reaches no tile.
+const NONE: [i32; 2] = [1 << 20, -(1 << 20)];
+
+/// Which voxels of a line reach the tiles of a row: from `low` to `high` along the fast axis the first tile, and so many voxels
+/// later each next tile.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Span {
+    low: i32,
+    high: i32,
+    voxels: i32,
+}
+
+impl Span {
+    /// Returns the first and the last voxel that reach a column of tiles.
+    #[inline(always)]
+    pub(super) fn of_column(&self, column: usize) -> [i32; 2] {
+        [self.low, self.high].map(|at| at + self.voxels * column as i32)
+    }
 }
 
 impl Stamps {
@@ -43,46 +56,44 @@ impl Stamps {
         let slice = lattice.slice(0);
         let size = [0, 1].map(|side| (2.0 * lattice.reach(side, [0.0; 2]) + 3.0 * slice.step) as i32 + 2);
         let stamps = vec![[0.0; TILE_PIXELS]; SLICES * (size[0] * size[1]) as usize];
-        let reaches = vec![Reach::default(); SLICES * (size[1] * voxels) as usize];
-        Stamps { voxels, size, depth, first: [[0; 2]; SLICES], stamps, reaches }
+        let ends = vec![NONE; SLICES * size[1] as usize];
+        let per_voxel = (1 << 32) / voxels as u64 + 1;
+        Stamps { voxels, per_voxel, size, depth, first: [[0; 2]; SLICES], stamps, ends, widest: [NONE; SLICES] }
     }
 
-    /// Returns how many tiles before its column a voxel may reach.
-    pub(super) fn before(&self) -> usize {
-        (self.size[0] / self.voxels) as usize + 1
-    }
-
-    /// Computes the numbers of the stamps of a block's voxels for the first tile of the plane, and where the voxels lie
-    /// among the tiles. The voxels are in the slab's slice `index`.
+    /// Computes the numbers of the stamps of a block's voxels for the first tile of the plane. The voxels are in the slab's slice
+    /// `index`.
     #[inline(always)]
-    pub(super) fn place(
-        &self,
-        index: usize,
-        [fasts, mediums]: [&[u16; BLOCK]; 2],
-        stamps: &mut [i32],
-        tiles: &mut [Tiles],
-    ) {
-        let ([columns, rows], [first, top], voxels) = (self.size, self.first[index], self.voxels);
+    pub(super) fn number(&self, index: usize, [fasts, mediums]: [&[u16; BLOCK]; 2], stamps: &mut [i32]) {
+        let ([columns, rows], [first, top]) = (self.size, self.first[index]);
         let base = (index as i32 * rows - top) * columns - first;
-        // Divides numbers below 2^20 by 1 to 32, rounded down.
-        let factor = (1 << 32) / i64::from(voxels) + 1;
-        for (((stamp, tiles), fast), medium) in stamps.iter_mut().zip(tiles).zip(fasts).zip(mediums) {
-            let fast = i32::from(*fast);
-            *stamp = base + i32::from(*medium) * columns + fast;
-            let column = ((i64::from(fast - first) * factor) >> 32) as i32;
-            *tiles = Tiles { column: column as u16, place: (fast - first - column * voxels) as u16 };
+        for ((stamp, fast), medium) in stamps.iter_mut().zip(fasts).zip(mediums) {
+            *stamp = base + i32::from(*medium) * columns + i32::from(*fast);
         }
     }
 
-    /// Returns what voxels of the line at `medium` reach of a row of tiles, by their places.
+    /// Returns which voxels of the line at `medium` reach a row of tiles; `None` if none does.
     #[inline(always)]
-    pub(super) fn reaches(&self, index: usize, medium: i32, row_of_tiles: i32) -> &[Reach] {
-        let row = medium - self.first[index][1] - self.voxels * row_of_tiles;
+    pub(super) fn span(&self, index: usize, medium: i32, row_of_tiles: i32) -> Option<Span> {
+        let [first, top] = self.first[index];
+        let row = medium - top - self.voxels * row_of_tiles;
         if !(0..self.size[1]).contains(&row) {
-            return &[];
+            return None;
         }
-        let len = self.voxels as usize;
-        &self.reaches[len * (index * self.size[1] as usize + row as usize)..][..len]
+        let [low, high] = self.ends[index * self.size[1] as usize + row as usize];
+        (low <= high).then(|| Span { low: first + low, high: first + high, voxels: self.voxels })
+    }
+
+    /// Returns the first column of tiles that voxels between two places along the fast axis may reach, and the one after the last;
+    /// there are so many `tiles`.
+    #[inline(always)]
+    pub(super) fn columns(&self, index: usize, [low, high]: [i32; 2], tiles: usize) -> [u16; 2] {
+        let ([nearest, farthest], first) = (self.widest[index], self.first[index][0]);
+        // Voxels before the first of tile n divided by those of a tile, rounded down, for numbers below 2^20.
+        let tile = |voxels: i32| ((u64::from(voxels.max(0) as u32) * self.per_voxel) >> 32) as u16;
+        let from = tile(low - first - farthest + self.voxels - 1);
+        let end = tile(high - first - nearest + self.voxels);
+        [from, end.min(tiles as u16)]
     }
 
     /// Returns by how much the number of a voxel's stamp is lower for this tile than for the first one.
@@ -93,8 +104,8 @@ impl Stamps {
 
     /// Returns a stamp by its number.
     #[inline(always)]
-    pub(super) fn stamp(&self, number: i32) -> &[f32; TILE_PIXELS] {
-        &self.stamps[(number as usize).min(self.stamps.len() - 1)]
+    pub(super) fn stamp(&self, number: i32) -> Option<&[f32; TILE_PIXELS]> {
+        self.stamps.get(number as u32 as usize)
     }
 
     /// Computes the stamps of `slice`, which is the slab's slice `index`.
@@ -104,30 +115,23 @@ impl Stamps {
         let first = [0, 1].map(|side| (slice.origin[side] - lattice.reach(side, [0.0; 2]) - SLACK).ceil() as i32);
         self.first[index] = first;
         let [columns, rows] = self.size.map(|side| side as usize);
-        let voxels = self.voxels as usize;
         let stamps = self.stamps[index * columns * rows..(index + 1) * columns * rows].chunks_exact_mut(columns);
-        let reaches = self.reaches[index * rows * voxels..(index + 1) * rows * voxels].chunks_exact_mut(voxels);
-        for ((row, stamps), reaches) in (first[1]..).zip(stamps).zip(reaches) {
-            let (mut nearest, mut farthest) = (columns, 0);
-            for (column, stamp) in stamps.iter_mut().enumerate() {
-                *stamp = rays.weights(&lattice.place(slice, [first[0] + column as i32, row]), cut);
+        let mut widest = NONE;
+        for ((row, stamps), ends) in (first[1]..).zip(stamps).zip(&mut self.ends[index * rows..]) {
+            *ends = NONE;
+            for ((column, stamp), number) in (first[0]..).zip(stamps.iter_mut()).zip(0..) {
+                *stamp = rays.weights(&lattice.place(slice, [column, row]), cut);
                 if stamp.iter().fold(0, |all, weight| all | weight.to_bits()) != 0 {
-                    (nearest, farthest) = (nearest.min(column), column);
+                    *ends = [ends[0].min(number), ends[1].max(number)];
                 }
             }
-            for (place, reach) in reaches.iter_mut().enumerate() {
-                // A tile `before` the column has the voxel's stamp `place + before * voxels` of the row.
-                let least = nearest.saturating_sub(place).div_ceil(voxels);
-                let before = farthest.saturating_sub(place) / voxels;
-                let reaches_any = nearest <= farthest && place <= farthest && least <= before;
-                let width = if reaches_any { before - least + 1 } else { 0 };
-                *reach = Reach { before: before as u16, width: width as u16 };
-            }
+            widest = [widest[0].min(ends[0]), widest[1].max(ends[1])];
             if let Some(depth) = self.depth {
                 for amount in stamps.as_flattened_mut() {
                     *amount = B::near_amount(depth * *amount);
                 }
             }
         }
+        self.widest[index] = widest;
     }
 }

@@ -36,8 +36,10 @@ impl Weights<'_> {
             let Some(stamps) = self.stamps else { return false };
             let lower = stamps.lower(place);
             for &splat in splats {
-                let [red, green, blue, depth] = *slab.look(splat);
-                let stamp = stamps.stamp(slab.stamp(splat) - lower);
+                let (Some(&[red, green, blue, depth]), Some(stamp)) = (slab.look(splat), slab.stamp(splat)) else {
+                    break;
+                };
+                let Some(stamp) = stamps.stamp(stamp - lower) else { break };
                 if ONE_DEPTH {
                     tile.blend::<B>(stamp, [red, green, blue], stop);
                 } else {
@@ -50,8 +52,10 @@ impl Weights<'_> {
         } else if let Some(footprints) = self.footprints {
             let later = footprints.later(place);
             for &splat in splats {
-                let [red, green, blue, depth] = *slab.look(splat);
-                let weights = footprints.weights(slab.stamp(splat) + later);
+                let (Some(&[red, green, blue, depth]), Some(stamp)) = (slab.look(splat), slab.stamp(splat)) else {
+                    break;
+                };
+                let weights = footprints.weights(stamp + later);
                 tile.blend::<B>(&amounts::<B>(weights, depth), [red, green, blue], stop);
                 if !tile.is_open {
                     break;
@@ -60,8 +64,10 @@ impl Weights<'_> {
         } else {
             let rays = self.lattice.tile(place);
             for &splat in splats {
-                let [red, green, blue, depth] = *slab.look(splat);
-                let weights = rays.weights(slab.place(splat), projector.cut);
+                let (Some(&[red, green, blue, depth]), Some(place)) = (slab.look(splat), slab.place(splat)) else {
+                    break;
+                };
+                let weights = rays.weights(place, projector.cut);
                 let amounts = amounts::<B>(&weights, limited(depth, rays.strength));
                 tile.blend::<B>(&amounts, [red, green, blue], stop);
                 if !tile.is_open {
@@ -99,7 +105,7 @@ impl Pixels {
             blended::<B>(red, clear, amounts, colour[0], stop),
             blended::<B>(green, clear, amounts, colour[1], stop),
             blended::<B>(blue, clear, amounts, colour[2], stop),
-            blended::<B>(clear, clear, amounts, B::ALPHA_INK, stop),
+            faded::<B>(clear, amounts, stop),
         ];
         if B::STOPS {
             self.is_open = false;
@@ -110,7 +116,17 @@ impl Pixels {
     }
 }
 
-/// Returns one colour, or the transmittance, of a tile's pixels after a splat.
+/// Returns the alphas of a tile's pixels after a splat.
+#[inline(always)]
+fn faded<B: Blend>(clear: &[f32; TILE_PIXELS], amounts: &[f32; TILE_PIXELS], stop: f32) -> [f32; TILE_PIXELS] {
+    let mut new = [0.0; TILE_PIXELS];
+    for i in 0..TILE_PIXELS {
+        new[i] = B::fade(clear[i], amounts[i], stop);
+    }
+    new
+}
+
+/// Returns one colour of a tile's pixels after a splat.
 #[inline(always)]
 fn blended<B: Blend>(
     values: &[f32; TILE_PIXELS],
