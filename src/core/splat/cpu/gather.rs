@@ -27,9 +27,9 @@ use super::lists::{FULL, Lists, TOGETHER};
 use super::look_tables::LookTables;
 use super::project::{GROUP, Projector, VoxelBlock, limited};
 use super::raster::{BLOCK, Splats};
-use super::slab::{Line, Run, Slab};
+use super::slab::{Line, Slab};
 use super::spans::Spans;
-use super::stamps::{Span, Stamps};
+use super::stamps::Stamps;
 use super::task::{BandResult, BandStats, DrawTask};
 use super::tile_buffer::{Rect, TILE, TileBuffer};
 use super::tile_composite::Weights;
@@ -444,16 +444,18 @@ impl<'a, B: Blend> Band<'a, B> {
     #[inline(always)]
     pub(super) fn take_all(&mut self, projector: &Projector) {
         self.find_runs();
+        let spans = self.spans.take();
         for row in 0..self.rows {
             if self.slab.lines_of(row) == 0 {
                 continue;
             }
             match &self.stamps {
-                None => self.take_row::<false, false>(projector, row),
-                Some(stamps) if stamps.depth.is_none() => self.take_row::<true, false>(projector, row),
-                Some(_) => self.take_row::<true, true>(projector, row),
+                None => self.take_row::<false, false>(projector, row, spans.as_ref()),
+                Some(stamps) if stamps.depth.is_none() => self.take_row::<true, false>(projector, row, None),
+                Some(_) => self.take_row::<true, true>(projector, row, None),
             }
         }
+        self.spans = spans;
         self.slab.clear(self.taken, self.visits);
         (self.taken, self.visits) = (0, 0);
     }
@@ -471,18 +473,26 @@ impl<'a, B: Blend> Band<'a, B> {
 
     /// Lets the open tiles of a row take the voxels of the lines that reach it.
     #[inline(always)]
-    fn take_row<const STAMPED: bool, const ONE_DEPTH: bool>(&mut self, projector: &Projector, row: usize) {
+    fn take_row<const STAMPED: bool, const ONE_DEPTH: bool>(
+        &mut self,
+        projector: &Projector,
+        row: usize,
+        spans: Option<&Spans>,
+    ) {
         self.lists.begin_row(self.columns, |column| self.open.get(row, column));
         let all = [0, self.columns];
         for index in 0..self.slab.lines_of(row) {
             let line = *self.slab.line(row, index);
-            if STAMPED || self.spans.is_some() {
-                let (span, is_reached) = self.span::<STAMPED>(row, &line);
-                for run in if is_reached { line.runs[0]..line.runs[1] } else { 0..0 } {
-                    let Some(run) = self.slab.run(run) else { break };
-                    if self.put_run(&line, span, &run) & FULL != 0 {
-                        self.take::<STAMPED, ONE_DEPTH>(projector, row, run.columns.map(usize::from), FULL);
-                    }
+            if let (true, Some(stamps)) = (STAMPED, &self.stamps) {
+                if let Some(span) = stamps.span(line.slice, line.medium, self.first_row + row as i32) {
+                    self.take_line::<STAMPED, ONE_DEPTH>(projector, row, &line, |column| span.of_column(column));
+                }
+                continue;
+            }
+            if let Some(spans) = spans {
+                if spans.reach_row(line.slice, line.medium, row) {
+                    let span = |column| spans.of_column(line.slice, column);
+                    self.take_line::<STAMPED, ONE_DEPTH>(projector, row, &line, span);
                 }
                 continue;
             }
@@ -496,25 +506,22 @@ impl<'a, B: Blend> Band<'a, B> {
         self.take::<STAMPED, ONE_DEPTH>(projector, row, all, 1);
     }
 
-    /// Puts the splats of a run on the lists of a row's tiles. Returns a number with the bits of these lists' lengths.
+    /// Puts the splats of a line, run by run, on the lists of the tiles that they reach, and lets tiles with full lists take theirs.
+    /// `span` returns the first and the last voxel along the fast axis that reach a column of tiles.
     #[inline(always)]
-    fn put_run(&mut self, line: &Line, span: Option<Span>, run: &Run) -> u32 {
-        match (span, &self.spans) {
-            (Some(span), _) => self.lists.put_run(run, |column| span.of_column(column)),
-            (_, Some(spans)) => self.lists.put_run(run, |column| spans.of_column(line.slice, column)),
-            _ => 0,
+    fn take_line<const STAMPED: bool, const ONE_DEPTH: bool>(
+        &mut self,
+        projector: &Projector,
+        row: usize,
+        line: &Line,
+        span: impl Fn(usize) -> [i32; 2],
+    ) {
+        for run in line.runs[0]..line.runs[1] {
+            let Some(run) = self.slab.run(run) else { break };
+            if self.lists.put_run(&run, &span) & FULL != 0 {
+                self.take::<STAMPED, ONE_DEPTH>(projector, row, run.columns.map(usize::from), FULL);
+            }
         }
-    }
-
-    /// Returns which voxels of a line reach the first tile of a row, with stamps; and whether any voxel reaches any tile.
-    #[inline(always)]
-    fn span<const STAMPED: bool>(&self, row: usize, line: &Line) -> (Option<Span>, bool) {
-        if STAMPED {
-            let stamps = self.stamps.as_ref();
-            let span = stamps.and_then(|stamps| stamps.span(line.slice, line.medium, self.first_row + row as i32));
-            return (span, span.is_some());
-        }
-        (None, self.spans.as_ref().is_some_and(|spans| spans.reach_row(line.slice, line.medium, row)))
     }
 
     /// Puts the splats of a line on the lists of a row's tiles, one by one. Returns a number with the bits of these lists'

@@ -16,7 +16,7 @@ pub(super) const FULL: u32 = 64;
 /// How many splats are put on lists before tiles with full lists take theirs.
 pub(super) const TOGETHER: usize = LONGEST - FULL as usize;
 /// Number of tiles whose lists grow at once when a single splat is put on them.
-const TILES: usize = 3;
+const TILES: usize = 2;
 /// Number of splats of a run that are put on a list at once: a vector.
 const VECTOR: usize = 8;
 
