@@ -2,17 +2,18 @@
 //!
 //! In: a drawing task, a [`Lattice`], and rows of its tiles. Out: the band's pixels, composited front to back. Only
 //! voxels that an open tile may still show are shaded. They wait in a [`Slab`]. After a few slices, row by row of tiles,
-//! each voxel is put on the list of every open tile that its kernel reaches. A tile takes all splats on its list at once,
-//! while its pixels are in registers:
+//! each run of neighbouring voxels is put on the lists of the open tiles that it reaches. A tile takes all splats on its list at
+//! once, while its pixels are in registers:
 //!
 //! ```text
-//! walk -> voxels before open tiles -> colours -> slab -> lists of a row's tiles
+//! walk -> voxels before open tiles -> colours -> slab -> runs -> lists of a row's tiles
 //!      -> for each tile: load, splat after splat, store
 //! ```
 //!
 //! Each tile takes its voxels in visit order, so its bits do not depend on when it takes them. In a parallel view all
 //! tiles of a slice see the same lattice of voxels. So the weights of kernels at a tile's pixels, the *stamps*, are
-//! computed once for a slice. Those of voxels beside the points of the grid, the [`Footprints`], are computed once for a frame.
+//! computed once for a slice. Voxels beside the points of the grid come one by one; their weights, the [`Footprints`], are computed
+//! once for a frame.
 
 use std::marker::PhantomData;
 use std::ops::Range;

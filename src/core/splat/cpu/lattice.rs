@@ -24,7 +24,7 @@ use bytemuck::Zeroable;
 use glam::{DMat3, DVec3};
 
 use super::front::Front;
-use super::project::{Coordinates, nearest_pixel};
+use super::project::{Coordinates, Displaced, nearest_pixel};
 use super::raster::{BLOCK, COLUMN, ROW};
 use super::slab::Tiles;
 use super::tile_buffer::{TILE, TILE_PIXELS};
@@ -326,10 +326,10 @@ impl Lattice {
     /// Computes the places of voxels of a slice in a perspective that may lie beside points of the grid, and which columns and
     /// rows of tiles they reach.
     #[inline(always)]
-    pub(super) fn set_places_beside<C: Coordinates>(
+    pub(super) fn set_places_beside(
         &self,
         slice: &Slice,
-        positions: &C,
+        positions: &Displaced,
         places: &mut [Place],
         tiles: [&mut [Tiles]; 2],
     ) {

@@ -11,7 +11,7 @@ use crate::splat::frame::zeroed;
 
 /// Longest list of a tile.
 const LONGEST: usize = 128;
-/// Number of splats on a tile's list at which the tile takes them: a bit of all greater numbers up to `LONGEST`.
+/// Number of splats on a tile's list at which the tile takes them: a bit of all greater numbers below `LONGEST`.
 pub(super) const FULL: u32 = 64;
 /// How many splats are put on lists before tiles with full lists take theirs.
 pub(super) const TOGETHER: usize = LONGEST - FULL as usize;
@@ -66,7 +66,7 @@ impl Lists {
         self.0[tile].grows = 0;
     }
 
-    /// Puts the splats of a run on the lists that grow and are not full; `span` returns the first and the last voxel along the
+    /// Puts the splats of a run on the lists that grow, of which none may be full; `span` returns the first and the last voxel along the
     /// fast axis that reach a column of tiles. Returns a number with the bits of these lists' lengths.
     #[inline(always)]
     pub(super) fn put_run(&mut self, run: &Run, span: impl Fn(usize) -> [i32; 2]) -> u32 {
@@ -86,6 +86,7 @@ impl Lists {
             if count <= 0 || list.grows == 0 {
                 continue;
             }
+            debug_assert!(list.count < FULL && count as usize <= TOGETHER, "a list is longer than there is room for");
             let (mut end, mut splat) = (list.count as usize, run.splat + from as u32);
             list.count += count as u32;
             lengths |= list.count;

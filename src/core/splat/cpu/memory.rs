@@ -25,11 +25,12 @@ const PIXEL: u64 = 4 * size_of::<f32>() as u64;
 const LATTICE_PIXEL: u64 = PIXEL + 6;
 /// Bytes per column of pixels of a band of a lattice: its pixels, with what pads their rows.
 const BAND_COLUMN: u64 = 4 * 32 * PIXEL;
-/// Bytes per column of pixels of the lists of a row of tiles.
-const LISTS_COLUMN: u64 = 544 / 4;
-/// Bytes of a thread's slab, with stamps; and those that it may need more per grid point of a line.
+/// Bytes per column of pixels of the lists of a row of tiles, and of its spans.
+const LISTS_COLUMN: u64 = (552 + 16 * 8) / 4;
+/// Bytes of a thread's slab, with stamps; and those that it may need more per grid point of a line, with runs, whose list grows by
+/// doubling.
 const SLAB: u64 = 2 << 20;
-const SLAB_POINT: u64 = 48;
+const SLAB_POINT: u64 = 50 + 3 * 16;
 
 /// Where a picture is drawn before it is resampled, and on how many pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -61,9 +61,6 @@ pub struct Projector<'a> {
 
 /// Yields the coordinates of a block's voxels along the slow, medium and fast axis, for every index below [`BLOCK`].
 pub trait Coordinates {
-    /// Whether all voxels lie on points of the grid.
-    const ON_GRID: bool = true;
-
     /// Returns the coordinates of voxel `j`.
     fn at(&self, j: usize) -> [f64; 3];
 }
@@ -76,8 +73,6 @@ pub(super) struct Displaced<'a> {
 }
 
 impl Coordinates for Displaced<'_> {
-    const ON_GRID: bool = false;
-
     #[inline(always)]
     fn at(&self, j: usize) -> [f64; 3] {
         let on_grid = self.positions.at(j);

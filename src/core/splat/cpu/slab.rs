@@ -1,12 +1,12 @@
 //! The slab: voxels of a few slices that wait for the tiles that they reach.
 //!
 //! In: the voxels of a walk that an open tile may show, line by line, with colours. Out: for each row of tiles, the lines
-//! that reach it, in visit order; for each voxel, what a tile needs to take it.
+//! that reach it, in visit order, and their runs of neighbouring voxels; for each voxel, what a tile needs to take it.
 
 use super::footprints::Footprints;
 use super::lattice::{Lattice, Place, Slice};
 use super::lists::TOGETHER;
-use super::project::{Coordinates, VoxelBlock};
+use super::project::{Displaced, VoxelBlock};
 use super::raster::BLOCK;
 use super::stamps::Stamps;
 use crate::arena::Lane;
@@ -188,10 +188,10 @@ impl Slab {
     /// Adds the splats of a block's voxels, of the last slice, which are at `positions`, beside points of the grid, in a
     /// perspective; returns where their looks are to be put.
     #[inline(always)]
-    pub(super) fn add_displaced<C: Coordinates>(
+    pub(super) fn add_displaced(
         &mut self,
         voxels: &VoxelBlock,
-        positions: &C,
+        positions: &Displaced,
         lattice: &Lattice,
         slice: &Slice,
     ) -> &mut [[f32; 4]] {
@@ -229,6 +229,7 @@ impl Slab {
             let [mut splat, end] = line.splats;
             let mut fasts = self.fasts[splat as usize..end as usize].iter().copied().peekable();
             while let Some(first) = fasts.next() {
+                // Coordinates are below 65,535, so 0 is never taken to follow the greatest.
                 let step = fasts.peek().map_or(0, |next| next.wrapping_sub(first));
                 let (mut last, mut len) = (first, 1);
                 if step == 1 || step == u16::MAX {
@@ -259,6 +260,7 @@ impl Slab {
         (&self.columns[range.clone()], &self.rows[range])
     }
 
+    /// Returns a splat's look. `None` never occurs, as for the two below: it costs less than an index that may panic.
     #[inline(always)]
     pub(super) fn look(&self, splat: u32) -> Option<&[f32; 4]> {
         self.looks.get(splat as usize)

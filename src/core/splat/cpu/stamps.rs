@@ -14,8 +14,9 @@ const SLACK: f64 = 1e-3;
 
 /// What the kernels that reach a tile weigh at its pixels, for the slices of a slab.
 pub(super) struct Stamps {
-    /// Number of voxels to a tile, and 2^32 over it, rounded up.
+    /// Number of voxels to a tile.
     voxels: i32,
+    /// Tiles to a voxel, times 2^32, and a little more.
     per_voxel: u64,
     /// Number of columns and rows of voxels that may reach a tile.
     size: [i32; 2],
