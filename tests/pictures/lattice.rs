@@ -110,8 +110,8 @@ fn long_runs_that_hide_nothing_are_drawn_alike_by_the_plain_twin() {
         let [low, high] = [70, 157].map(|at| dims.map(|points| points * at / 200));
         let whole = enough(size).with_kernel(kernel).with_termination(0.0);
         for settings in [whole.clone(), whole.with_crop(VoxelBox { low, high })] {
-            for [azimuth, elevation] in [VIEWS[5], VIEWS[6], FALLING[0], FALLING[1], FALLING[2]] {
-                for fov in [None, Some(30.0), Some(70.0)] {
+            for [azimuth, elevation] in [VIEWS[6], FALLING[2]] {
+                for fov in [None, Some(50.0)] {
                     let seen = built.orbit(azimuth, elevation, fov, size);
                     let fast = built.frame(&seen, &settings);
                     let every = built.frame(&seen, &settings.clone().with_sampling(Sampling::EveryPixel));
