@@ -135,7 +135,7 @@ pub(super) struct Band<'a, B> {
     stamps: Option<Stamps>,
     /// What voxels beside the points of the grid weigh in a parallel view.
     footprints: Option<&'a Footprints>,
-    /// What reaches the tiles in a perspective, if voxels lie on points of the grid.
+    /// Which voxels reach the tiles in a perspective, if voxels lie on points of the grid.
     spans: Option<Spans>,
     lists: Lists,
     /// How many splats tiles took of the slab at hand, and in how many visits.

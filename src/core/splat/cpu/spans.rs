@@ -16,7 +16,7 @@ pub(super) struct Spans {
     size: [usize; 2],
     /// For each slice: one span for each column or row.
     spans: [Vec<[i32; 2]>; 2],
-    /// For each slice: columns of tiles per voxel, and the first and the last that voxel 0 may reach.
+    /// For each slice: how many columns of tiles a voxel is wide, and the first and the last column that voxel 0 may reach.
     columns: [[f64; 3]; SLICES],
 }
 

@@ -16,7 +16,7 @@ const SLACK: f64 = 1e-3;
 pub(super) struct Stamps {
     /// Number of voxels to a tile.
     voxels: i32,
-    /// Tiles to a voxel, times 2^32, and a little more.
+    /// How many tiles a voxel is wide, times 2^32; a little more, so that whole numbers of tiles are not rounded down to fewer.
     per_voxel: u64,
     /// Number of columns and rows of voxels that may reach a tile.
     size: [i32; 2],
@@ -90,7 +90,7 @@ impl Stamps {
     #[inline(always)]
     pub(super) fn columns(&self, index: usize, [low, high]: [i32; 2], tiles: usize) -> [u16; 2] {
         let ([nearest, farthest], first) = (self.widest[index], self.first[index][0]);
-        // Voxels before the first of tile n divided by those of a tile, rounded down, for numbers below 2^20.
+        // So many voxels in tiles, rounded down; exact for numbers below 2^20.
         let tile = |voxels: i32| ((u64::from(voxels.max(0) as u32) * self.per_voxel) >> 32) as u16;
         let from = tile(low - first - farthest + self.voxels - 1);
         let end = tile(high - first - nearest + self.voxels);
