@@ -168,19 +168,34 @@ impl TileRays {
     /// Returns the weight of a voxel's kernel at the pixels of the tile, 0 to 1; 0 where the exponent is above `cut`.
     #[inline(always)]
     pub(super) fn weights(&self, place: &Place, cut: f32) -> [f32; TILE_PIXELS] {
+        let mut values = self.exponents(place);
+        for value in &mut values {
+            *value = near_weight(*value, cut);
+        }
+        values
+    }
+
+    /// Returns the exponents of a voxel's kernel at the pixels of the tile, in units of ln 2.
+    #[inline(always)]
+    pub(super) fn exponents(&self, place: &Place) -> [f32; TILE_PIXELS] {
         let TileRays { first, column, shear, row, u, v, .. } = self;
         let x = (first[0] - place.pixel[0]) as f32 - place.offset[0];
         let y = (first[1] - place.pixel[1]) as f32 - place.offset[1];
         let (across, down) = (column * x + shear * y, row * y);
-        let mut weights = [0.0; TILE_PIXELS];
+        let mut exponents = [0.0; TILE_PIXELS];
         for i in 0..TILE_PIXELS {
             let (across, down) = (across + u[i], down + v[i]);
-            let exponent = (across * across + down * down) * place.scale;
-            // Beyond the cut-off the exponential may be meaningless, and `keep_if` replaces it by 0.
-            weights[i] = keep_if(exponent <= cut, near_exp2_neg(exponent));
+            exponents[i] = (across * across + down * down) * place.scale;
         }
-        weights
+        exponents
     }
+}
+
+/// Returns the weight of a kernel from its exponent; 0 where that is above `cut`.
+#[inline(always)]
+pub(super) fn near_weight(exponent: f32, cut: f32) -> f32 {
+    // Beyond the cut-off the exponential may be meaningless, and `keep_if` replaces it by 0.
+    keep_if(exponent <= cut, near_exp2_neg(exponent))
 }
 
 impl Lattice {
