@@ -1,6 +1,7 @@
 //! Rows of bits: which tiles may still change, and which voxels of a line may be seen.
 
 /// A table of bits, row by row.
+#[derive(Default)]
 pub(super) struct BitRows {
     /// Number of words for a row.
     words: usize,
@@ -84,10 +85,17 @@ impl BitRows {
         }
     }
 
-    /// Returns the bits of `row` in a word of 64 columns, without those before column `left` and after `right`.
+    /// Iterates over the runs of bits of `row` that are set between two columns, from left to right if `rises`, else from right to
+    /// left.
     #[inline(always)]
-    pub(super) fn word(&self, row: usize, word: usize, [left, right]: [usize; 2]) -> u64 {
-        self.bits[self.words * row..][..self.words].get(word).map_or(0, |bits| bits & part(word, [left, right]))
+    pub(super) fn runs_on_way(&self, row: usize, span: [u16; 2], rises: bool) -> RunsOnWay<'_> {
+        RunsOnWay {
+            words: &self.bits[self.words * row..][..self.words],
+            span: span.map(usize::from),
+            rises,
+            next: 0,
+            bits: 0,
+        }
     }
 
     /// Calls `visit` with the first and last column of each run of bits that are set in a row; a run that crosses from one
@@ -95,23 +103,69 @@ impl BitRows {
     #[inline(always)]
     pub(super) fn each_run(&self, row: usize, mut visit: impl FnMut([usize; 2])) {
         for (word, &bits) in self.bits[self.words * row..][..self.words].iter().enumerate() {
-            runs(bits).for_each(|run| visit(run.map(|bit| 64 * word + bit)));
+            let mut bits = bits;
+            while bits != 0 {
+                let run = first_run(bits);
+                bits &= (u64::MAX << run[1]) << 1;
+                visit(run.map(|bit| 64 * word + bit));
+            }
         }
     }
 }
 
-/// Iterates over the runs of bits that are set in a word: the first and the last bit of each.
-#[inline(always)]
-pub(super) fn runs(mut bits: u64) -> impl Iterator<Item = [usize; 2]> {
-    std::iter::from_fn(move || {
-        if bits == 0 {
-            return None;
+/// The runs of bits that are set, on the way from one column to another: the column where each begins, and where it ends.
+pub(super) struct RunsOnWay<'a> {
+    words: &'a [u64],
+    /// First and last column.
+    span: [usize; 2],
+    rises: bool,
+    /// Number of words that were begun.
+    next: usize,
+    /// What is left of the last one of them, from its end on the way as bit 0.
+    bits: u64,
+}
+
+impl Iterator for RunsOnWay<'_> {
+    type Item = [u16; 2];
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<[u16; 2]> {
+        let [first, last] = self.span.map(|column| column / 64);
+        // Places are counted on the way, from the beginning of its first word.
+        let column = |place: usize| (if self.rises { 64 * first + place } else { 64 * last + 63 - place }) as u16;
+        let mut run: Option<[usize; 2]> = None;
+        loop {
+            if self.bits == 0 {
+                if self.next > last - first {
+                    break;
+                }
+                let word = if self.rises { first + self.next } else { last - self.next };
+                let bits = self.words.get(word).map_or(0, |bits| bits & part(word, self.span));
+                self.bits = if self.rises { bits } else { bits.reverse_bits() };
+                self.next += 1;
+                continue;
+            }
+            let [begin, end] = first_run(self.bits).map(|bit| 64 * (self.next - 1) + bit);
+            if run.is_some_and(|run| run[1] + 1 != begin) {
+                break;
+            }
+            self.bits &= (u64::MAX << (end % 64)) << 1;
+            run = Some([run.map_or(begin, |run| run[0]), end]);
+            // At the end of a word the run may go on in the next one.
+            if end % 64 < 63 {
+                break;
+            }
         }
-        let first = bits.trailing_zeros();
-        let last = first + (!(bits >> first)).trailing_zeros() - 1;
-        bits &= (u64::MAX << last) << 1;
-        Some([first, last].map(|bit| bit as usize))
-    })
+        run.map(|run| run.map(column))
+    }
+}
+
+/// Returns the first and the last bit of the first run of bits that are set in a word; there must be one.
+#[inline(always)]
+fn first_run(bits: u64) -> [usize; 2] {
+    let first = bits.trailing_zeros();
+    let last = first + (!(bits >> first)).trailing_zeros() - 1;
+    [first as usize, last as usize]
 }
 
 /// Returns the bits of a word between two columns of its row.

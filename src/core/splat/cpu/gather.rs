@@ -19,7 +19,7 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::time::Instant;
 
-use super::bit_rows::{BitRows, runs};
+use super::bit_rows::BitRows;
 use super::blend::Blend;
 use super::dispatch;
 use super::footprints::Footprints;
@@ -28,6 +28,7 @@ use super::lists::{FULL, Lists, TOGETHER};
 use super::look_tables::LookTables;
 use super::project::{GROUP, Projector, VoxelBlock, limited};
 use super::raster::{BLOCK, Splats};
+use super::scan_line::{OneWay, ends, same};
 use super::slab::{Line, Slab};
 use super::spans::Spans;
 use super::stamps::Stamps;
@@ -352,10 +353,9 @@ impl<'a, B: Blend> Band<'a, B> {
             self.begin_slice(projector);
         }
         let first = self.slab.count() + self.voxels.count;
-        if are_consecutive(&batch.fast[range.clone()]) {
-            self.add_consecutive(projector, batch, range.clone(), [low, high]);
-        } else {
-            self.add_scattered(projector, batch, range.clone(), [low, high]);
+        match OneWay::of(&batch.fast[range.clone()]) {
+            Some(line) => self.add_one_way(projector, batch, range.start, line, [low, high]),
+            None => self.add_scattered(projector, batch, range.clone(), [low, high]),
         }
         let end = self.slab.count() + self.voxels.count;
         if first < end {
@@ -363,32 +363,33 @@ impl<'a, B: Blend> Band<'a, B> {
         }
     }
 
-    /// Adds those of a line's voxels, which have no gaps between them, that `together` shows. It does not look at the others.
+    /// Adds those voxels of a line, which begins at index `start`, that `together` shows. It does not look at the others.
     #[inline(always)]
-    fn add_consecutive(&mut self, projector: &Projector, batch: &Batch, range: Range<usize>, [low, high]: [u16; 2]) {
-        let (first, last) = (batch.fast[range.start], batch.fast[range.end - 1]);
-        let rises = first <= last;
-        let (left, right) = (first.min(last).max(low), first.max(last).min(high));
+    fn add_one_way(
+        &mut self,
+        projector: &Projector,
+        batch: &Batch,
+        start: usize,
+        mut line: OneWay,
+        [low, high]: [u16; 2],
+    ) {
+        let [first, last] = line.ends();
+        let (left, right) = (first.max(low), last.min(high));
         if left > right {
             return;
         }
-        let (first, span) = (usize::from(first), [left, right].map(usize::from));
-        let words = span.map(|column| column / 64);
-        for word in 0..=words[1] - words[0] {
-            let word = if rises { words[0] + word } else { words[1] - word };
-            let bits = self.together.word(0, word, span);
-            for [from, to] in runs(if rises { bits } else { bits.reverse_bits() }) {
-                let column = 64 * word + if rises { from } else { 63 - from };
-                let start = range.start + column.abs_diff(first);
-                let end = start + to - from + 1;
-                for from in (start..end).step_by(GROUP) {
-                    if !self.voxels.have_room(GROUP) {
-                        self.flush(projector);
-                    }
-                    self.voxels.add_group(batch, from, GROUP.min(end - from));
+        let together = std::mem::take(&mut self.together);
+        for columns in together.runs_on_way(0, [left, right], line.rises) {
+            let voxels = line.take(columns);
+            let (from, end) = (start + voxels.start, start + voxels.end);
+            for from in (from..end).step_by(GROUP) {
+                if !self.voxels.have_room(GROUP) {
+                    self.flush(projector);
                 }
+                self.voxels.add_group(batch, from, GROUP.min(end - from));
             }
         }
+        self.together = together;
     }
 
     /// Adds those of a line's voxels that `together` shows.
@@ -562,39 +563,5 @@ impl<'a, B: Blend> Band<'a, B> {
                 self.lists.close(column);
             }
         }
-    }
-}
-
-/// Returns how many of the first coordinates are equal.
-#[inline(always)]
-fn same(coordinates: &[u16]) -> usize {
-    const TOGETHER: usize = 32;
-    let Some(&first) = coordinates.first() else { return 0 };
-    let differs = |part: &[u16]| part.iter().fold(0, |all, other| all | (other ^ first)) != 0;
-    let whole = coordinates.chunks(TOGETHER).take_while(|part| !differs(part)).count() * TOGETHER;
-    let rest = coordinates.get(whole..).unwrap_or_default();
-    coordinates.len().min(whole + rest.iter().take_while(|other| **other == first).count())
-}
-
-/// Returns whether each coordinate is one more than the coordinate before it, or each one less.
-#[inline(always)]
-fn are_consecutive(coordinates: &[u16]) -> bool {
-    let (Some(&first), Some(&last)) = (coordinates.first(), coordinates.last()) else { return false };
-    if usize::from(first.abs_diff(last)) + 1 != coordinates.len() {
-        return false;
-    }
-    let step = if first <= last { 1 } else { u16::MAX };
-    let pairs = coordinates.iter().zip(&coordinates[1..]);
-    pairs.fold(0, |gaps, (before, after)| gaps | (before.wrapping_add(step) ^ after)) == 0
-}
-
-/// Returns the least and the greatest of at most [`GROUP`] coordinates.
-#[inline(always)]
-fn ends(coordinates: &[u16]) -> [u16; 2] {
-    let widen = |ends: [u16; 2], &at: &u16| [ends[0].min(at), ends[1].max(at)];
-    // A compiler uses vectors where it knows the length.
-    match coordinates.first_chunk::<GROUP>() {
-        Some(group) => group.iter().fold([u16::MAX, 0], widen),
-        None => coordinates.iter().fold([u16::MAX, 0], widen),
     }
 }

@@ -26,6 +26,7 @@ mod memory;
 mod plain;
 pub(crate) mod project;
 pub(crate) mod raster;
+mod scan_line;
 mod slab;
 mod spans;
 mod stamps;
