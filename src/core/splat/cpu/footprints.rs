@@ -53,13 +53,13 @@ impl Footprints {
         }
         let slice = lattice.slice(0);
         let reach = [0, 1].map(|side| {
-            let reach = lattice.kernel_reach(side, [0.0; 2]) / slice.step + SLACK;
+            let reach = lattice.kernel_reach(side, [0.0; 2]) / slice.step[side] + SLACK;
             (reach * f64::from(PLACES)) as i32
         });
         let before = reach.map(|reach| ((reach + MIDDLE) >> BITS) + 3);
         let (strips, rows) = (2 * before[0] - 2, (2 * before[1] + 4) & !3);
         let mut weights = vec![0.0; (PLACES * PLACES * strips * rows) as usize * 4];
-        let strip = Strip { before, strips, rows: rows as usize, scale: (slice.step * slice.step) as f32 };
+        let strip = Strip { before, strips, rows: rows as usize, scale: slice.scale() };
         compute(&lattice.tile([0, 0]), &strip, projector.cut, weights.as_chunks_mut().0);
         let code_shift = if channels.coverage_bits == 8 { 0 } else { SHARE_BITS };
         let mut shifts = Box::new([[0.0; 2]; CODES]);
@@ -67,7 +67,7 @@ impl Footprints {
             let Coverage { offset, .. } = Coverage::of_code((code << code_shift) as u16, channels);
             let [slow, medium, fast] = projector.nesting.map(|axis| f64::from(offset[axis]));
             let moved = [fast - slow * slice.shift[0], medium - slow * slice.shift[1]];
-            *shift = moved.map(|voxels| (voxels * f64::from(PLACES) / slice.step) as f32);
+            *shift = [0, 1].map(|side: usize| (moved[side] * f64::from(PLACES) / slice.step[side]) as f32);
         }
         let last = lattice.size.map(|side| (side >> TILE) as i32 - 1);
         Some(Footprints { reach, before, strips, rows, last, weights, shifts, code_shift })
@@ -156,7 +156,7 @@ impl Footprints {
 /// Returns the place of a voxel of `slice` along columns (`side` 0) or rows (1), in eighths of a pixel.
 #[inline(always)]
 fn eighths(slice: &Slice, side: usize, voxel: u16, shift: f32) -> i32 {
-    let per_voxel = f64::from(PLACES) / slice.step;
+    let per_voxel = f64::from(PLACES) / slice.step[side];
     nearest_pixel((f64::from(voxel) - slice.origin[side]) * per_voxel + f64::from(shift)).0
 }
 
@@ -165,7 +165,7 @@ struct Strip {
     before: [i32; 2],
     strips: i32,
     rows: usize,
-    /// Square of the distance between pixels, in square voxels.
+    /// Square of the distance between columns of pixels, in square voxels.
     scale: f32,
 }
 

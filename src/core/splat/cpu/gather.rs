@@ -228,11 +228,11 @@ impl<'a, B: Blend> Band<'a, B> {
     /// `low` and `high` may reach.
     #[inline(always)]
     fn tiles_near(&self, side: usize, slice: &Slice, [low, high]: [u16; 2]) -> [i32; 2] {
-        let pixel = |voxel: u16| (f64::from(voxel) - slice.origin[side]) / slice.step;
+        let pixel = |voxel: u16| (f64::from(voxel) - slice.origin[side]) / slice.step[side];
         let (low, high) = (pixel(low), pixel(high));
         // A kernel reaches pixels whose rays are steeper or flatter than the voxel's own.
         let around = self.lattice.farthest(slice);
-        let reach = self.lattice.reach(side, [low - around, high + around]) / slice.step + SLACK;
+        let reach = self.lattice.reach(side, [low - around, high + around]) / slice.step[side] + SLACK;
         [((low - reach).ceil() as i32) >> TILE, ((high + reach).floor() as i32) >> TILE]
     }
 
@@ -247,9 +247,9 @@ impl<'a, B: Blend> Band<'a, B> {
         let (slice, first) = (&self.slice, f64::from(self.first_row << TILE));
         let around = self.lattice.farthest(slice);
         let band = [first - around, first + f64::from((self.rows as i32) << TILE) + around];
-        let reach = self.lattice.reach(1, band) / slice.step + SLACK;
-        let zero = -slice.origin[1] / slice.step - first;
-        self.rows_at = [1.0 / slice.step, zero - reach, zero + reach];
+        let reach = self.lattice.reach(1, band) / slice.step[1] + SLACK;
+        let zero = -slice.origin[1] / slice.step[1] - first;
+        self.rows_at = [1.0 / slice.step[1], zero - reach, zero + reach];
     }
 
     /// Returns the first and last row of tiles of the band, counted from its first, that kernels of a line may reach.
@@ -328,8 +328,8 @@ impl<'a, B: Blend> Band<'a, B> {
         open.each_run(row, |[left, right]| {
             let pixels = [4.0 * left as f64, 4.0 * right as f64 + 3.0];
             let reach = lattice.reach(0, pixels) + SLACK;
-            let from = (slice.origin[0] + slice.step * pixels[0] - reach).ceil() as i32;
-            let to = (slice.origin[0] + slice.step * pixels[1] + reach).floor() as i32;
+            let from = (slice.origin[0] + slice.step[0] * pixels[0] - reach).ceil() as i32;
+            let to = (slice.origin[0] + slice.step[0] * pixels[1] + reach).floor() as i32;
             let (from, to) = (from.max(0), to.min(last));
             if from <= to {
                 shown.set(row, [from as usize, to as usize]);

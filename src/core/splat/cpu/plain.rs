@@ -97,7 +97,7 @@ pub(super) fn draw_on_lattice<B: Blend>(
             }
             let at = f64::from(place.pixel[side]);
             let around = lattice.farthest(&slice);
-            let reach = lattice.reach(side, [at - around, at + around]) / slice.step + 1.0;
+            let reach = lattice.reach(side, [at - around, at + around]) / slice.step[side] + 1.0;
             [((at - reach) as i32).max(0), ((at + reach) as i32).min(lattice.size[side] as i32 - 1)]
         });
         let mut is_drawn = false;

@@ -6,15 +6,11 @@ use std::ops::Range;
 
 use super::project::GROUP;
 
-/// Returns how many of the first coordinates are equal.
+/// Returns how many of the first coordinates are equal; they do not come again later.
 #[inline(always)]
 pub(super) fn same(coordinates: &[u16]) -> usize {
-    const TOGETHER: usize = 32;
-    let Some(&first) = coordinates.first() else { return 0 };
-    let differs = |part: &[u16]| part.iter().fold(0, |all, other| all | (other ^ first)) != 0;
-    let whole = coordinates.chunks(TOGETHER).take_while(|part| !differs(part)).count() * TOGETHER;
-    let rest = coordinates.get(whole..).unwrap_or_default();
-    coordinates.len().min(whole + rest.iter().take_while(|other| **other == first).count())
+    let first = coordinates.first();
+    coordinates.partition_point(|other| Some(other) == first)
 }
 
 /// Returns the least and the greatest of at most [`GROUP`] coordinates.

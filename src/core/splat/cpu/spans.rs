@@ -28,7 +28,7 @@ impl Spans {
     /// Computes the spans of `slice`, which is the slab's slice `index`; the band begins with the row of tiles `first_row`.
     #[inline(always)]
     pub(super) fn set(&mut self, index: usize, lattice: &Lattice, slice: &Slice, first_row: i32) {
-        let per_voxel = 0.25 / slice.step;
+        let per_voxel = 0.25 / slice.step[0];
         let reach = lattice.kernel_reach(0, [0.0, f64::from((self.size[0] as u32) << TILE)]) + SLACK;
         let last = reach - slice.origin[0];
         self.columns[index] = [per_voxel, (-reach - slice.origin[0]) * per_voxel - 0.75, last * per_voxel];
@@ -37,7 +37,7 @@ impl Spans {
             for (tile, span) in (first..).zip(&mut self.spans[side][index * tiles..(index + 1) * tiles]) {
                 let pixels = [tile << TILE, (tile << TILE) + 3].map(f64::from);
                 let reach = lattice.kernel_reach(side, pixels) + SLACK;
-                let [low, high] = pixels.map(|pixel| slice.origin[side] + slice.step * pixel);
+                let [low, high] = pixels.map(|pixel| slice.origin[side] + slice.step[side] * pixel);
                 *span = [(low - reach).ceil() as i32, (high + reach).floor() as i32];
             }
         }

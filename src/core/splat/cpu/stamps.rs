@@ -4,7 +4,7 @@
 //! pixels. All tiles of a slice see the same lattice of voxels, so the weights are computed once for a slice.
 
 use super::blend::Blend;
-use super::lattice::{Lattice, Slice};
+use super::lattice::{Lattice, Place, Slice};
 use super::raster::BLOCK;
 use super::slab::SLICES;
 use super::tile_buffer::TILE_PIXELS;
@@ -14,8 +14,8 @@ const SLACK: f64 = 1e-3;
 
 /// What the kernels that reach a tile weigh at its pixels, for the slices of a slab.
 pub(super) struct Stamps {
-    /// Number of voxels to a tile.
-    voxels: i32,
+    /// Number of voxels to a tile's width and height.
+    voxels: [i32; 2],
     /// How many tiles a voxel is wide, times 2^32; a little more, so that whole numbers of tiles are not rounded down to fewer.
     per_voxel: u64,
     /// Number of columns and rows of voxels that may reach a tile.
@@ -30,6 +30,8 @@ pub(super) struct Stamps {
     /// For each row of stamps: the first and the last column whose voxels reach the first tile; and for each slice, of all rows.
     ends: Vec<[i32; 2]>,
     widest: [[i32; 2]; SLICES],
+    /// For each column of stamps: the nearest column of pixels, and the distance from it.
+    across: Vec<(i32, f32)>,
 }
 
 /// The ends of a row of stamps that reaches no tile.
@@ -53,13 +55,23 @@ impl Span {
 }
 
 impl Stamps {
-    pub(super) fn new(lattice: &Lattice, voxels: i32, depth: Option<f32>) -> Stamps {
+    pub(super) fn new(lattice: &Lattice, voxels: [i32; 2], depth: Option<f32>) -> Stamps {
         let slice = lattice.slice(0);
-        let size = [0, 1].map(|side| (2.0 * lattice.reach(side, [0.0; 2]) + 3.0 * slice.step) as i32 + 2);
+        let size = [0, 1].map(|side| (2.0 * lattice.reach(side, [0.0; 2]) + 3.0 * slice.step[side]) as i32 + 2);
         let stamps = vec![[0.0; TILE_PIXELS]; SLICES * (size[0] * size[1]) as usize];
         let ends = vec![NONE; SLICES * size[1] as usize];
-        let per_voxel = (1 << 32) / voxels as u64 + 1;
-        Stamps { voxels, per_voxel, size, depth, first: [[0; 2]; SLICES], stamps, ends, widest: [NONE; SLICES] }
+        let per_voxel = (1 << 32) / voxels[0] as u64 + 1;
+        Stamps {
+            voxels,
+            per_voxel,
+            size,
+            depth,
+            first: [[0; 2]; SLICES],
+            stamps,
+            ends,
+            widest: [NONE; SLICES],
+            across: Vec::new(),
+        }
     }
 
     /// Computes the numbers of the stamps of a block's voxels for the first tile of the plane. The voxels are in the slab's slice
@@ -77,12 +89,12 @@ impl Stamps {
     #[inline(always)]
     pub(super) fn span(&self, index: usize, medium: i32, row_of_tiles: i32) -> Option<Span> {
         let [first, top] = self.first[index];
-        let row = medium - top - self.voxels * row_of_tiles;
+        let row = medium - top - self.voxels[1] * row_of_tiles;
         if !(0..self.size[1]).contains(&row) {
             return None;
         }
         let [low, high] = self.ends[index * self.size[1] as usize + row as usize];
-        (low <= high).then(|| Span { low: first + low, high: first + high, voxels: self.voxels })
+        (low <= high).then(|| Span { low: first + low, high: first + high, voxels: self.voxels[0] })
     }
 
     /// Returns the first column of tiles that voxels between two places along the fast axis may reach, and the one after the last;
@@ -92,15 +104,15 @@ impl Stamps {
         let ([nearest, farthest], first) = (self.widest[index], self.first[index][0]);
         // So many voxels in tiles, rounded down; exact for numbers below 2^20.
         let tile = |voxels: i32| ((u64::from(voxels.max(0) as u32) * self.per_voxel) >> 32) as u16;
-        let from = tile(low - first - farthest + self.voxels - 1);
-        let end = tile(high - first - nearest + self.voxels);
+        let from = tile(low - first - farthest + self.voxels[0] - 1);
+        let end = tile(high - first - nearest + self.voxels[0]);
         [from, end.min(tiles as u16)]
     }
 
     /// Returns by how much the number of a voxel's stamp is lower for this tile than for the first one.
     #[inline(always)]
     pub(super) fn lower(&self, [column, row]: [i32; 2]) -> i32 {
-        self.voxels * (row * self.size[0] + column)
+        self.voxels[1] * row * self.size[0] + self.voxels[0] * column
     }
 
     /// Returns a stamp by its number.
@@ -117,11 +129,15 @@ impl Stamps {
         self.first[index] = first;
         let [columns, rows] = self.size.map(|side| side as usize);
         let stamps = self.stamps[index * columns * rows..(index + 1) * columns * rows].chunks_exact_mut(columns);
+        self.across.clear();
+        self.across.extend((first[0]..).take(columns).map(|voxel| lattice.place_along(slice, 0, voxel)));
         let mut widest = NONE;
         for ((row, stamps), ends) in (first[1]..).zip(stamps).zip(&mut self.ends[index * rows..]) {
             *ends = NONE;
-            for ((column, stamp), number) in (first[0]..).zip(stamps.iter_mut()).zip(0..) {
-                *stamp = rays.weights(&lattice.place(slice, [column, row]), cut);
+            let (row, down) = lattice.place_along(slice, 1, row);
+            for ((&(column, right), stamp), number) in self.across.iter().zip(stamps.iter_mut()).zip(0..) {
+                *stamp =
+                    rays.weights(&Place { pixel: [column, row], offset: [right, down], scale: slice.scale() }, cut);
                 if stamp.iter().fold(0, |all, weight| all | weight.to_bits()) != 0 {
                     *ends = [ends[0].min(number), ends[1].max(number)];
                 }
