@@ -65,6 +65,28 @@ fn stamps_give_what_the_plain_twin_gives_on_the_same_plane() {
 }
 
 #[test]
+fn voxels_of_unlike_spacings_are_what_the_plain_twin_draws() {
+    // A tile then has three voxels one way and four the other; in a perspective, pixels are 1.25 times as far apart one way.
+    let kernel = Some(KernelShape { sigma: 0.7, radius: 2.23 });
+    let size = [61, 54];
+    for spacing in [[1.0, 1.0, 1.7], [1.0, 1.7, 1.0], [1.7, 1.0, 1.0]] {
+        let built = build("gyroid", [30, 26, 28], spacing, 8);
+        for view in [VIEWS[1], VIEWS[4], VIEWS[5], FALLING[0], FALLING[2]] {
+            let cameras = [camera(&built, view, 0.75, size), built.orbit(view[0], view[1], Some(30.0), size)];
+            for (camera, most) in cameras.into_iter().zip([1e-4, 0.0]) {
+                let settings = enough(size).with_termination(0.0).with_kernel(kernel);
+                let fast = built.frame(&camera, &settings);
+                let every = built.frame(&camera, &settings.clone().with_sampling(Sampling::EveryPixel));
+                assert!(fast != every, "{spacing:?} {view:?}: not drawn on the lattice");
+                let apart = apart(&fast, &built.frame(&camera, &settings.with_code(Code::Plain)));
+                // In parallel views a stamp rounds a slice's place, its twin each voxel's.
+                assert!(apart <= most, "{spacing:?} {view:?}: {apart:e}");
+            }
+        }
+    }
+}
+
+#[test]
 fn what_is_seen_of_long_lines_is_what_the_plain_twin_sees() {
     // Lines of several words of bits, in rising and falling order; most of their voxels are hidden. In an ellipsoid,
     // unlike in a block, a voxel taken from another line shows.

@@ -121,7 +121,7 @@ pub(super) struct RunsOnWay<'a> {
     rises: bool,
     /// Number of words that were begun.
     next: usize,
-    /// What is left of the last one of them, from its end on the way as bit 0.
+    /// Bits of the last one of them that are left; bit 0 is the column met first.
     bits: u64,
 }
 

@@ -231,7 +231,7 @@ impl<'a, B: Blend> Band<'a, B> {
         let pixel = |voxel: u16| (f64::from(voxel) - slice.origin[side]) / slice.step[side];
         let (low, high) = (pixel(low), pixel(high));
         // A kernel reaches pixels whose rays are steeper or flatter than the voxel's own.
-        let around = self.lattice.farthest(slice);
+        let around = self.lattice.farthest(slice, side);
         let reach = self.lattice.reach(side, [low - around, high + around]) / slice.step[side] + SLACK;
         [((low - reach).ceil() as i32) >> TILE, ((high + reach).floor() as i32) >> TILE]
     }
@@ -245,7 +245,7 @@ impl<'a, B: Blend> Band<'a, B> {
     /// Finds the map from the medium axis to rows of tiles of the slice at hand.
     fn set_rows(&mut self) {
         let (slice, first) = (&self.slice, f64::from(self.first_row << TILE));
-        let around = self.lattice.farthest(slice);
+        let around = self.lattice.farthest(slice, 1);
         let band = [first - around, first + f64::from((self.rows as i32) << TILE) + around];
         let reach = self.lattice.reach(1, band) / slice.step[1] + SLACK;
         let zero = -slice.origin[1] / slice.step[1] - first;
@@ -363,7 +363,8 @@ impl<'a, B: Blend> Band<'a, B> {
         }
     }
 
-    /// Adds those voxels of a line, which begins at index `start`, that `together` shows. It does not look at the others.
+    /// Adds those voxels of a line from coordinate `low` to `high` that `together` shows; the line begins at index `start` of the
+    /// batch. It does not look at the others.
     #[inline(always)]
     fn add_one_way(
         &mut self,
@@ -373,8 +374,8 @@ impl<'a, B: Blend> Band<'a, B> {
         mut line: OneWay,
         [low, high]: [u16; 2],
     ) {
-        let [first, last] = line.ends();
-        let (left, right) = (first.max(low), last.min(high));
+        let [least, greatest] = line.ends();
+        let (left, right) = (least.max(low), greatest.min(high));
         if left > right {
             return;
         }

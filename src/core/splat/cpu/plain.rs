@@ -96,7 +96,7 @@ pub(super) fn draw_on_lattice<B: Blend>(
                 return [first.max(0), last.min(lattice.size[side] as i32 - 1)];
             }
             let at = f64::from(place.pixel[side]);
-            let around = lattice.farthest(&slice);
+            let around = lattice.farthest(&slice, side);
             let reach = lattice.reach(side, [at - around, at + around]) / slice.step[side] + 1.0;
             [((at - reach) as i32).max(0), ((at + reach) as i32).min(lattice.size[side] as i32 - 1)]
         });

@@ -6,11 +6,12 @@ use std::ops::Range;
 
 use super::project::GROUP;
 
-/// Returns how many of the first coordinates are equal; they do not come again later.
+/// Returns how many of the first coordinates are equal, of lines that follow each other: where a coordinate comes again later, as a
+/// damaged file may have it, lines may come out as one.
 #[inline(always)]
 pub(super) fn same(coordinates: &[u16]) -> usize {
     let first = coordinates.first();
-    coordinates.partition_point(|other| Some(other) == first)
+    coordinates.partition_point(|other| Some(other) == first).max(1).min(coordinates.len())
 }
 
 /// Returns the least and the greatest of at most [`GROUP`] coordinates.
@@ -24,11 +25,10 @@ pub(super) fn ends(coordinates: &[u16]) -> [u16; 2] {
     }
 }
 
-/// A line with gaps of at most this many voxels is looked at voxel by voxel.
+/// A line that has gaps and at most so many voxels is tested in groups.
 const SHORT: usize = 2 * GROUP;
 
 /// The voxels of a line that is visited from one end to the other.
-#[derive(Clone, Copy)]
 pub(super) struct OneWay<'a> {
     fasts: &'a [u16],
     pub(super) rises: bool,
@@ -39,7 +39,7 @@ pub(super) struct OneWay<'a> {
 
 impl<'a> OneWay<'a> {
     /// `None` if coordinates neither rise nor fall all along, as where a line has voxels on both sides of the eye; or if the line
-    /// is so short, and has gaps, that a look at each voxel is faster.
+    /// is has gaps and is so short that a look at all its voxels is faster.
     #[inline(always)]
     pub(super) fn of(fasts: &'a [u16]) -> Option<OneWay<'a>> {
         let (&first, &last) = (fasts.first()?, fasts.last()?);

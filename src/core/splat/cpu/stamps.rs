@@ -132,9 +132,9 @@ impl Stamps {
         self.across.clear();
         self.across.extend((first[0]..).take(columns).map(|voxel| lattice.place_along(slice, 0, voxel)));
         let mut widest = NONE;
-        for ((row, stamps), ends) in (first[1]..).zip(stamps).zip(&mut self.ends[index * rows..]) {
+        for ((medium, stamps), ends) in (first[1]..).zip(stamps).zip(&mut self.ends[index * rows..]) {
             *ends = NONE;
-            let (row, down) = lattice.place_along(slice, 1, row);
+            let (row, down) = lattice.place_along(slice, 1, medium);
             for ((&(column, right), stamp), number) in self.across.iter().zip(stamps.iter_mut()).zip(0..) {
                 *stamp =
                     rays.weights(&Place { pixel: [column, row], offset: [right, down], scale: slice.scale() }, cut);
