@@ -97,7 +97,8 @@ fn run(gpu: &Gpu, options: &StudyOptions) -> Result<(), String> {
 fn measure(gpu: &Gpu, options: &StudyOptions, subject: &BenchScene, report: &mut Report) {
     for &size in &options.sizes {
         for &quality in &options.qualities {
-            let settings = Settings::every_pixel(size).with_quality(quality);
+            let threads = std::thread::available_parallelism().map_or(1, usize::from);
+            let settings = Settings::every_pixel(size).with_quality(quality).with_threads(threads);
             eprintln!("{}: {}x{} {quality:?}", subject.name, size[0], size[1]);
             if options.test {
                 order::check(gpu, subject, &settings);

@@ -31,7 +31,9 @@ pub use crate::volume::source::obtainable;
 /// The stages of the renderer on graphics devices: their record types, their shaders, and access to their buffers.
 #[cfg(feature = "gpu")]
 pub mod gpu_stages {
-    pub use crate::splat::gpu::layout::{AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING};
+    pub use crate::splat::gpu::layout::{
+        AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING, SUMMARY,
+    };
     pub use crate::splat::gpu::layout::{Splat, TILE, VisitedVoxel};
     pub use crate::splat::gpu::probe::{Probe, ProbeCallback};
     pub use crate::splat::gpu::stages::{BlendMode, SHADERS};

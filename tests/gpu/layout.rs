@@ -7,7 +7,7 @@ use adjsplat::arena::TileRecord;
 use adjsplat::internals::LOW_PASS;
 use adjsplat::internals::gpu_stages::SHADERS;
 use adjsplat::internals::gpu_stages::{
-    AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING, Splat, TILE, VisitedVoxel,
+    AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING, SUMMARY, Splat, TILE, VisitedVoxel,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Expression, Literal, Module, TypeInner};
@@ -59,7 +59,7 @@ fn shaders_and_rust_lay_records_out_alike() {
         ),
         ("Chunk", fields!(Chunk: first_block slot_count index is_first from_slice to_slice)),
         ("VisitedVoxel", fields!(VisitedVoxel: xy z_coverage record)),
-        ("Splat", fields!(Splat: columns rows corner_x corner_y falloff_x falloff_y shear peak red green blue)),
+        ("Splat", fields!(Splat: columns rows corner_x corner_y falloff_x falloff_y shear peak red green blue padding)),
     ];
     for (stage, _) in SHADERS {
         let module = module(stage);
@@ -142,6 +142,7 @@ fn shaders_and_rust_know_the_same_constants() {
         ("LINES", f64::from(LINES), 1),
         ("BATCH", f64::from(BATCH), 5),
         ("TILE", f64::from(TILE), 5),
+        ("SUMMARY", f64::from(SUMMARY), 5),
         ("NOTHING", f64::from(NOTHING), 5),
         ("NO_RECORD", f64::from(NO_RECORD), 5),
         ("STEPPING", f64::from(twin::walk::STEPPING), 1),

@@ -288,7 +288,7 @@ fn levels_take_turns_where_video_memory_is_little() {
     let (want, stats) = roomy.render(&camera, &draft(size)).unwrap();
     assert_eq!((stats.parts, stats.slabs), (3, 3), "{stats:?}");
     let mut had_turns = false;
-    for vram in [7 << 20, 12 << 20, 16 << 20] {
+    for vram in [8 << 20, 12 << 20, 16 << 20] {
         let mut tight = renderer(levelled.scene(), compositor, vram).unwrap();
         for _ in 0..2 {
             let (got, stats) = tight.render(&camera, &draft(size)).unwrap();

@@ -20,7 +20,7 @@ use crate::device::{device, own_device};
 use crate::scenes::{inside, phantom, zoomed};
 
 /// Leaves about 1 MiB for a lane, beside chunks of 65,536 records and half of a small picture.
-const TIGHT: u64 = 7 << 20;
+const TIGHT: u64 = 8 << 20;
 const PLENTY: u64 = 512 << 20;
 
 fn renderer<'a>(opened: &OpenedDevice, built: &'a Built, vram: u64) -> GpuRenderer<'a> {

@@ -24,7 +24,7 @@ use crate::levels::Levelled;
 use crate::scenes::{EDGES, inside, phantom, zoomed};
 
 /// Least that the renderer takes for small pictures of small tables: a slab of about 1 MiB, chunks of 65,536 records.
-const TIGHT: u64 = 7 << 20;
+const TIGHT: u64 = 8 << 20;
 
 /// Splats of a box that one side of it may be a pixel off: its edge lies within rounding of where pixels change.
 const MOVED: f64 = 2e-3;
@@ -149,8 +149,10 @@ impl Frames {
         let uniform = probe.uniform;
         let masks: Vec<u32> = read_all(probe, probe.masks.expect("tiles have masks"));
         let mut want = vec![0; masks.len()];
-        twin::bin::bin(uniform, splats, &mut want);
+        let want_boxes = twin::bin::bin(uniform, splats, &mut want);
         assert!(masks == want, "chunk {:?}: masks differ", probe.chunk);
+        let boxes: Vec<[u32; 2]> = read_all(probe, probe.boxes.expect("tiles have boxes"));
+        assert!(boxes[..splats.len()] == want_boxes, "chunk {:?}: boxes differ", probe.chunk);
         let mut pixels: Vec<[f32; 4]> = read_all(probe, probe.pixels.expect("tiles have pixels"));
         pixels.truncate(count);
         if self.judges_pixels {
@@ -451,10 +453,11 @@ fn each_stage_of_quads_does_what_its_twin_does() {
             say(&format!("{name}, {target:?}: rms {nearest:e} from rounding to nearest, {cut:e} toward 0"));
             let rms = nearest.min(cut);
             // Edges of ellipses in 32 bits; in 16, now and then a splat on the other side of where the target rounds, 2^-11
-            // each. In 8 bits devices may round what they blend before too: some steps of 1/255.
+            // each. In 8 bits devices may round what they blend before too: some steps of 1/255. An NVIDIA H200 is up to
+            // 2.7e-3 from the nearest in 16 bits, in the scene of 1:1:20, where many splats lie one behind the other.
             let allowed = match target {
                 QuadFormat::Float32 => 1e-4,
-                QuadFormat::Float16 => 1e-3,
+                QuadFormat::Float16 => 4e-3,
                 QuadFormat::Unorm8 => 2e-2,
             };
             assert!(rms <= allowed, "{name}, {target:?}: {rms:e}");

@@ -17,4 +17,4 @@ pub(crate) use tiles::tile_bounds;
 pub use order::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 pub use walk::{Batch, Visitor, VoxelBox, walk};
 #[cfg(feature = "gpu")]
-pub(crate) use {gather::GatheredLine, lines::ordered_lines};
+pub(crate) use {gather::GatheredLine, lines::OrderedSlices};

@@ -29,7 +29,7 @@
 //! than the lane has.
 
 use super::decode::{Decoder, group};
-use super::lines::ordered_lines;
+use super::lines::OrderedSlices;
 use super::order::Order;
 use crate::arena::Lane;
 use crate::volume::Axis;
@@ -133,7 +133,8 @@ pub fn walk(lane: &Lane, order: &Order, visitor: &mut dyn Visitor) {
     // Number of records that may still be visited: limits the work that a damaged file can cause.
     let mut budget = lane.record_count();
     let no_facts_of_tiles = |_, _: &_| ();
-    ordered_lines(lane, order, visitor, no_facts_of_tiles, |visitor, slow, mut lines| {
+    let slices = OrderedSlices::new(lane, order, |bounds| visitor.wants_tile(bounds));
+    slices.visit(0..slices.len(), visitor, no_facts_of_tiles, |visitor, slow, mut lines| {
         while !lines.is_empty() {
             let mut group = group(lines, decoder.capacity);
             if lane.pager.is_some() {

@@ -31,6 +31,7 @@ const EMPTY: Splat = Splat {
     red: 0.0,
     green: 0.0,
     blue: 0.0,
+    padding: 0,
 };
 
 fn low_half(word: u32) -> i32 {

@@ -325,6 +325,7 @@ fn near_splat(
         red,
         green,
         blue,
+        padding: 0,
     }
 }
 
@@ -384,6 +385,7 @@ fn value_splat(frame: &FrameUniform, voxel: &VisitedVoxel, xyz: [u32; 3], share:
         red: place[0],
         green: closeness,
         blue: 0.0,
+        padding: 0,
     }
 }
 
@@ -449,5 +451,6 @@ fn splat_of(frame: &FrameUniform, is_maximum: bool, voxel: &VisitedVoxel, channe
         red: colour[0],
         green: colour[1],
         blue: colour[2],
+        padding: 0,
     }
 }

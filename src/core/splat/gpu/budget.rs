@@ -5,19 +5,21 @@
 //! them.
 //!
 //! ```text
-//! ceiling = tables + copies in flight + chunk (voxels, splats, masks) + pixels (accumulated, read back) + lanes
+//! ceiling = tables + copies in flight + chunk (voxels, splats, boxes, masks) + pixels (accumulated, read back) + lanes
 //! ```
 
-use super::layout::{BATCH, Splat, TILE, VisitedVoxel};
+use super::layout::{BATCH, SUMMARY, Splat, TILE, VisitedVoxel};
 use super::lines::LaneSize;
 use crate::arena::TileRecord;
 use crate::error::{Error, Result};
 
-const MAX_SLOTS: u64 = 1 << 20; // Most records of a chunk: enough to keep a large device busy.
+/// Most records of a chunk: as many batches as the summary of a mask has bits for words.
+const MAX_SLOTS: u64 = (SUMMARY * 32 * 32 * BATCH) as u64;
 /// Like `MAX_SLOTS`, on devices in software. Mesa's llvmpipe, before version 25, silently ends the loops of an
-/// invocation after 65,535 turns in all; a tile that all of these splats meet takes 38,000.
-const MAX_SLOTS_IN_SOFTWARE: u64 = 1 << 17;
+/// invocation after 65,535 turns in all; a tile that all of these splats meet takes 40,000.
+const MAX_SLOTS_IN_SOFTWARE: u64 = 1 << 16;
 const MIN_SLOTS: u64 = 1 << 16; // Fewest records of a chunk: the longest line.
+pub(super) const BOX_BYTES: u64 = 8; // Bytes of a splat's box, beside the splat.
 const PIXEL_BYTES: u64 = 16; // Bytes per pixel, in the accumulated pixels and again in the read-back buffer.
 const ROW_ALIGNMENT: u64 = 256; // The rows of a read-back buffer are a multiple of this many bytes.
 const FIXED_BYTES: u64 = 1 << 20; // Bytes of uniforms, counters, times, and of the driver's rounding.
@@ -55,7 +57,7 @@ impl MemoryPlan {
         };
         let window_bytes = |tile_rows, slots| window(tile_rows, slots).iter().sum::<u64>();
         let splat = size_of::<Splat>() as u64;
-        let chunk = |slots: u64| slots * (size_of::<VisitedVoxel>() as u64 + splat);
+        let chunk = |slots: u64| slots * (size_of::<VisitedVoxel>() as u64 + splat + BOX_BYTES);
         let least = base + MIN_LANE_BYTES + chunk(MIN_SLOTS) + window_bytes(1, MIN_SLOTS);
         if least > ceiling {
             let what = "video memory in bytes (give more video memory, or draw a smaller picture)".into();
@@ -95,7 +97,7 @@ pub(crate) fn in_flight(ceiling: u64) -> u64 {
     (ceiling / 8).min(8 << 20)
 }
 
-/// Returns how many 32-bit words the mask of a tile has, for chunks of `slots` records.
+/// Returns how many 32-bit words the mask of a tile has with its summary, for chunks of `slots` records.
 pub(crate) fn mask_words(slots: u64) -> u64 {
-    slots.div_ceil(BATCH.into()).div_ceil(32)
+    u64::from(SUMMARY) + slots.div_ceil(BATCH.into()).div_ceil(32)
 }

@@ -14,7 +14,7 @@ const SLACK: u64 = 1 << 16; // By how many bytes a kept buffer may be larger tha
 /// The buffers of the stages, by [`BufferName`], and the texture that quads are drawn into.
 #[derive(Debug, Default)]
 pub(super) struct FrameBuffers {
-    buffers: [Option<Buffer>; 10],
+    buffers: [Option<Buffer>; 11],
     target: Option<Texture>,
 }
 
@@ -26,6 +26,7 @@ pub(super) enum BufferName {
     Blocks,
     Voxels,
     Splats,
+    Boxes,
     Masks,
     Pixels,
     ReadBack,

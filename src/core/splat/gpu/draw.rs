@@ -8,7 +8,7 @@ use bytemuck::Zeroable;
 use web_time::Instant;
 use wgpu::{Buffer, Color, CommandEncoder, ComputePassDescriptor, LoadOp, RenderPass};
 
-use super::budget::{MemoryPlan, mask_words};
+use super::budget::{BOX_BYTES, MemoryPlan, mask_words};
 use super::buffers::BufferName;
 use super::chunks::{Chunks, WindowView};
 use super::context::Context;
@@ -103,7 +103,7 @@ pub(super) async fn frame(
                 let row = 4 * settings.size[0] as usize;
                 let [from, to] = [window[1], window[3]].map(|y| row * y.unsigned_abs() as usize);
                 let out = &mut frame.pixels_mut()[from..to];
-                read_back::window(draw.renderer, extent(window), out, draw.stats).await?;
+                read_back::window(draw.renderer, extent(window), out, settings.threads, draw.stats).await?;
             }
             FrameOutput::Texture(target) => resolve::window(draw.renderer, window, target)?,
         }
@@ -137,6 +137,7 @@ impl FrameDraw<'_, '_, '_> {
             Compositor::Tiles => {
                 let words = tiles.map(u64::from).iter().product::<u64>() * mask_words;
                 buffers.make(context, BufferName::Masks, 4 * words)?;
+                buffers.make(context, BufferName::Boxes, slots * BOX_BYTES)?;
                 buffers.make(context, BufferName::Pixels, 16 * u64::from(width) * u64::from(height))?;
             }
             Compositor::Quads(target) => buffers.make_target(context, [width, height], target.format())?,
@@ -234,6 +235,7 @@ impl FrameDraw<'_, '_, '_> {
             looks: [&looks.by_value, &looks.by_pair],
             voxels: buffer(BufferName::Voxels),
             splats: buffer(BufferName::Splats),
+            boxes: has_tiles.then(|| buffer(BufferName::Boxes)),
             masks: has_tiles.then(|| buffer(BufferName::Masks)),
             pixels: has_tiles.then(|| buffer(BufferName::Pixels)),
         });
@@ -319,11 +321,11 @@ impl FrameDraw<'_, '_, '_> {
         }
         let mut encoder = context.encoder("chunk");
         if *current == Compositor::Tiles {
-            let [masks, pixels] = [BufferName::Masks, BufferName::Pixels].map(buffer);
+            let [boxes, masks, pixels] = [BufferName::Boxes, BufferName::Masks, BufferName::Pixels].map(buffer);
             encoder.clear_buffer(masks, 0, None);
-            let tile = vec![uniform, chunk_buffer, splats, masks, pixels];
-            stages.push((Pass::Bin, &pipelines.bin, vec![uniform, splats, masks], [batches, 1]));
-            stages.push((Pass::Composite, pipelines.tile(device, blend), tile, window_tiles));
+            let tile = vec![uniform, chunk_buffer, splats, boxes, masks, pixels];
+            stages.push((Pass::Bin, &pipelines.bin, vec![uniform, splats, boxes, masks], [batches, 1]));
+            stages.push((Pass::Composite, pipelines.tile(device, blend, has_near), tile, window_tiles));
         }
         for (pass, pipeline, buffers, [x, y]) in stages {
             let resources = buffers.into_iter().map(Buffer::as_entire_binding);

@@ -10,8 +10,10 @@ use super::slab_buffers::{SlabSizes, slab_sizes};
 use crate::arena::layout::{TILE_EDGE, line_end_bytes};
 use crate::arena::{Lane, TileRecord};
 use crate::error::{Error, Result};
-use crate::traverse::{AxisOrder, Batch, GatheredLine, Order, VoxelBox, ordered_lines};
+use crate::parallel::in_parts;
+use crate::traverse::{AxisOrder, Batch, GatheredLine, Order, OrderedSlices, VoxelBox};
 
+const LINES_OF_THREAD: usize = 1 << 14; // Fewest lines that are worth another thread: some tenths of a millisecond.
 const BLOCK_RECORDS: u32 = 1 << 14; // Most records in a block, unless the block has only one line.
 
 pub(crate) const LINE_BYTES: u64 = 8; // Bytes per line on the device: its word in the list, its share of a block.
@@ -69,6 +71,13 @@ pub(crate) struct LaneSize {
 }
 
 impl LaneSize {
+    /// Returns how much a whole lane takes.
+    fn of_lane(lane: &Lane) -> LaneSize {
+        let lines = line_count(lane);
+        let bytes = lane.bytes() + LINE_BYTES * lines;
+        LaneSize { bytes, records: lane.record_count(), lines, tiles: lane.tiles.len() as u64 }
+    }
+
     /// Returns how much tile `index` takes, with its line ends and records.
     fn of_tile(lane: &Lane, index: u32) -> LaneSize {
         let Some(tile) = lane.tile(index as usize) else { return LaneSize::default() };
@@ -106,19 +115,23 @@ impl LaneSize {
 impl LineList {
     /// Lists the lines of `lane` in `order`, as one slab if the whole lane fits `room`, else as slabs of as many slices
     /// as fit. [`Error::Limit`] if the tiles of a single slice do not fit.
-    pub(crate) fn new(lane: &Lane, order: &Order, room: LaneSize) -> Result<LineList> {
-        let mut builder = ListBuilder::new(lane, order, room);
-        let mut outcome = Ok(());
-        let listed = |index, record: &TileRecord| ListedTile { index, extent: [record.low.get(), record.high.get()] };
-        let no_voxels = &mut |_: &Batch| {};
-        ordered_lines(lane, order, no_voxels, listed, |_, slow, lines| {
-            if outcome.is_ok() && !lines.is_empty() {
-                outcome = builder.add_slice(slow, lines);
-            }
-        });
-        outcome?;
-        builder.close_slab();
-        let mut slabs = builder.closed;
+    pub(crate) fn new(lane: &Lane, order: &Order, room: LaneSize, threads: usize) -> Result<LineList> {
+        let slices = OrderedSlices::new(lane, order, |_| true);
+        let is_whole = LaneSize::of_lane(lane).check(room).is_ok();
+        let mut slabs = if is_whole {
+            Slab::of_lane(lane, order, &slices, threads).into_iter().collect()
+        } else {
+            let mut builder = ListBuilder::new(lane, order, room);
+            let mut outcome = Ok(());
+            slices.visit(0..slices.len(), &mut no_voxels, listed, |_, slow, lines| {
+                if outcome.is_ok() && !lines.is_empty() {
+                    outcome = builder.add_slice(slow, lines);
+                }
+            });
+            outcome?;
+            builder.close_slab();
+            builder.closed
+        };
         for slab in &mut slabs {
             slab.sizes = slab_sizes(lane, &slab.tiles)?;
         }
@@ -130,6 +143,9 @@ impl LineList {
     }
 }
 
+/// The visitor of a walk that visits no voxels.
+fn no_voxels(_: &Batch) {}
+
 /// A line of a slice, and its tile.
 type OrderedLine = GatheredLine<ListedTile>;
 
@@ -140,12 +156,15 @@ struct ListedTile {
     extent: [u16; 2], // Lowest and highest coordinate on the fast axis of the voxels of all its lines.
 }
 
-/// Cuts the lines of a lane, slice by slice, into slabs.
+fn listed(index: u32, record: &TileRecord) -> ListedTile {
+    ListedTile { index, extent: [record.low.get(), record.high.get()] }
+}
+
+/// Cuts the lines of a lane that does not fit, slice by slice, into slabs.
 struct ListBuilder<'a> {
     lane: &'a Lane<'a>,
     order: Order,
     room: LaneSize,
-    is_whole: bool,      // Whether the open slab takes the whole lane, so that nothing has to be counted.
     has_tile: Vec<bool>, // Whether each of the lane's tiles is in the open slab.
     size: LaneSize,      // Size of the open slab.
     open: Slab,
@@ -154,32 +173,24 @@ struct ListBuilder<'a> {
 
 impl<'a> ListBuilder<'a> {
     fn new(lane: &'a Lane<'a>, order: &Order, room: LaneSize) -> ListBuilder<'a> {
-        let (lines, tiles) = (line_count(lane), lane.tiles.len());
-        let bytes = lane.bytes() + LINE_BYTES * lines;
-        let whole = LaneSize { bytes, records: lane.record_count(), lines, tiles: tiles as u64 };
-        let is_whole = whole.check(room).is_ok();
-        let has_tile = vec![false; if is_whole { 0 } else { tiles }];
+        let has_tile = vec![false; lane.tiles.len()];
         let (size, open) = (LaneSize::default(), Slab::default());
-        ListBuilder { lane, order: *order, room, is_whole, has_tile, size, open, closed: Vec::new() }
+        ListBuilder { lane, order: *order, room, has_tile, size, open, closed: Vec::new() }
     }
 
     /// Adds the lines of a slice to the open slab, or to a new slab if the open one has no room for their tiles.
     fn add_slice(&mut self, slow: u16, slice: &[OrderedLine]) -> Result<()> {
-        if !self.is_whole {
-            let mut size = self.size.add(self.added_size(slice));
-            if size.check(self.room).is_err() {
-                self.close_slab();
-                size = self.added_size(slice);
-                size.check(self.room)?;
-            }
-            self.size = size;
-            for OrderedLine { tile: ListedTile { index, .. }, .. } in slice {
-                if !std::mem::replace(&mut self.has_tile[*index as usize], true) {
-                    self.open.tiles.push(*index);
-                }
-            }
+        let mut size = self.size.add(self.added_size(slice));
+        if size.check(self.room).is_err() {
+            self.close_slab();
+            size = self.added_size(slice);
+            size.check(self.room)?;
         }
+        self.size = size;
         for line in slice {
+            if !std::mem::replace(&mut self.has_tile[line.tile.index as usize], true) {
+                self.open.tiles.push(line.tile.index);
+            }
             self.open.add(slow, line, &self.order);
         }
         Ok(())
@@ -199,16 +210,12 @@ impl<'a> ListBuilder<'a> {
     fn close_slab(&mut self) {
         let mut slab = std::mem::take(&mut self.open);
         self.size = LaneSize::default();
-        if self.is_whole {
-            slab.tiles = (0..u32::try_from(self.lane.tiles.len()).expect("a face has at most 2^26 tiles")).collect();
-        } else {
-            slab.tiles.sort_unstable();
-            let index = |tile| slab.tiles.binary_search(&tile).expect("a line's tile is in its slab");
-            for line in &mut slab.lines {
-                *line = u32::try_from(index(*line >> 6)).expect("an index of a tile") << 6 | *line & 63;
-            }
-            self.has_tile.fill(false);
+        slab.tiles.sort_unstable();
+        let index = |tile| slab.tiles.binary_search(&tile).expect("a line's tile is in its slab");
+        for line in &mut slab.lines {
+            *line = u32::try_from(index(*line >> 6)).expect("an index of a tile") << 6 | *line & 63;
         }
+        self.has_tile.fill(false);
         if !slab.lines.is_empty() {
             self.closed.push(slab);
         }
@@ -216,6 +223,31 @@ impl<'a> ListBuilder<'a> {
 }
 
 impl Slab {
+    /// Returns all of a lane, listed on up to `threads` threads; `None` if it has no lines.
+    fn of_lane(lane: &Lane, order: &Order, slices: &OrderedSlices, threads: usize) -> Option<Slab> {
+        let lines = usize::try_from(line_count(lane)).unwrap_or(usize::MAX);
+        let count = threads.min(lines / LINES_OF_THREAD).clamp(1, slices.len().max(1));
+        let mut parts: Vec<Slab> = std::iter::repeat_with(Slab::default).take(count).collect();
+        in_parts(&mut parts, 1, count, |index, part| {
+            let range = slices.len() * index / count..slices.len() * (index + 1) / count;
+            slices.visit(range, &mut no_voxels, listed, |_, slow, lines| {
+                lines.iter().for_each(|line| part[0].add(slow, line, order));
+            });
+        });
+        let mut whole = parts.into_iter().reduce(Slab::joined).filter(|slab| !slab.lines.is_empty())?;
+        whole.tiles = (0..u32::try_from(lane.tiles.len()).expect("a face has at most 2^26 tiles")).collect();
+        Some(whole)
+    }
+
+    /// Returns this slab with the lines and blocks of the `next` after its own.
+    fn joined(mut self, next: Slab) -> Slab {
+        let before = u32::try_from(self.lines.len()).expect("a face has fewer than 2^32 lines");
+        self.lines.extend(next.lines);
+        let moved = |block: ListBlock| ListBlock { first_line: before + block.first_line, ..block };
+        self.blocks.extend(next.blocks.into_iter().map(moved));
+        self
+    }
+
     fn add(&mut self, slow: u16, line: &OrderedLine, order: &Order) {
         let sides = [(order.slow, [slow; 2]), (order.medium, [line.medium; 2]), (order.fast, line.tile.extent)];
         let bounds = VoxelBox::from_sides(sides);

@@ -237,7 +237,8 @@ impl<'a> GpuRenderer<'a> {
         Ok(())
     }
 
-    /// Draws a frame and waits for it; ignores `settings.threads` and `settings.code`.
+    /// Draws a frame and waits for it; ignores `settings.code`. The processor lists lines and finishes pixels on
+    /// `settings.threads` threads.
     ///
     /// The frame is that of [`cpu::render`](super::cpu::render), except for rounding, also that of the target, and for
     /// early termination, which quads do not have.
@@ -394,7 +395,7 @@ impl<'a> GpuRenderer<'a> {
             self.prepare_looks(&shots[0], camera, settings, &mut stats)?;
             let mut parts = Vec::with_capacity(shots.len());
             for (level, shot) in &shots {
-                let list = self.prepare_list(*level, shot, plan.room, &mut stats)?;
+                let list = self.prepare_list(*level, shot, plan.room, settings.threads, &mut stats)?;
                 parts.push(Part { level: *level, shot, list });
             }
             let records = parts.iter().map(|part| part.list.records).max().unwrap_or(0);
@@ -474,6 +475,7 @@ impl<'a> GpuRenderer<'a> {
         level: usize,
         shot: &Shot,
         room: LaneSize,
+        threads: usize,
         stats: &mut GpuStats,
     ) -> Result<Arc<LineList>> {
         let start = Instant::now();
@@ -485,7 +487,7 @@ impl<'a> GpuRenderer<'a> {
         }
         // The old list is freed first.
         lists.retain(|(listed, _)| *listed != level);
-        let list = Arc::new(LineList::new(&shot.lane, &shot.order, room)?);
+        let list = Arc::new(LineList::new(&shot.lane, &shot.order, room, threads)?);
         lists.push((level, list.clone()));
         stats.line_lists += 1;
         stats.line_list_ms += start.elapsed().as_secs_f64() * 1e3;

@@ -27,6 +27,8 @@ pub struct Probe<'p> {
     pub voxels: &'p Buffer,
     /// The chunk's [`Splat`](super::layout::Splat)s.
     pub splats: &'p Buffer,
+    /// Columns and rows of each splat's box; with `Compositor::Tiles` only.
+    pub boxes: Option<&'p Buffer>,
     /// For each tile of the picture, a mask of the batches with splats on it; with `Compositor::Tiles` only.
     pub masks: Option<&'p Buffer>,
     /// Four values for each pixel; only with [`Compositor::Tiles`](super::Compositor).

@@ -10,14 +10,17 @@ use super::buffers::{BufferName, FrameBuffers};
 use super::context::Context;
 use super::{Compositor, GpuRenderer, GpuStats, QuadFormat};
 use crate::error::Result;
+use crate::parallel::in_parts;
 
 pub(super) const COUNTERS: u64 = 4_096; // Number of counters of drawn splats; later chunks use them again.
 
-/// Copies the pixels of a window of `size` (columns and rows) from the device into `out`, the window's part of a frame.
+/// Copies the pixels of a window of `size` (columns and rows) from the device into `out`, the window's part of a frame, and
+/// finishes them on up to `threads` threads.
 pub(super) async fn window(
     renderer: &mut GpuRenderer<'_>,
     size: [u32; 2],
     out: &mut [f32],
+    threads: usize,
     stats: &mut GpuStats,
 ) -> Result<()> {
     let start = Instant::now();
@@ -50,12 +53,14 @@ pub(super) async fn window(
     let table = &renderer.looks().table;
     let pixels = out.as_chunks_mut::<4>().0;
     let finish = |bytes: &[u8]| {
-        let pixel_bytes = target.pixel_bytes() as usize;
-        for (row, read) in pixels.chunks_exact_mut(width as usize).zip(bytes.chunks_exact(pitch as usize)) {
-            for (pixel, read) in row.iter_mut().zip(read.chunks_exact(pixel_bytes)) {
-                *pixel = table.finish(target.decode(read));
+        let (width, pitch, pixel_bytes) = (width as usize, pitch as usize, target.pixel_bytes() as usize);
+        in_parts(pixels, width, threads, |first, rows| {
+            for (row, read) in rows.chunks_exact_mut(width).zip(bytes[first * pitch..].chunks_exact(pitch)) {
+                for (pixel, read) in row.iter_mut().zip(read.chunks_exact(pixel_bytes)) {
+                    *pixel = table.finish(target.decode(read));
+                }
             }
-        }
+        });
     };
     context.read(&back, bytes, finish).await?;
     if let Some(timer) = &mut renderer.resident.timer {

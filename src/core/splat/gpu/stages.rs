@@ -2,7 +2,7 @@
 //!
 //! In: a device. Out: the compute stages walk, project, bin and tile, and the drawing stage splat. Tile and splat are compiled
 //! for each [`BlendMode`], splat also for each format of the target. Project is compiled for maxima and for footprints; project of
-//! footprints and splat are, with and without voxels near the eye.
+//! footprints, tile and splat are, with and without voxels near the eye.
 //!
 //! A shader is `shaders/common.wgsl` followed by its own file, of tile and splat also by `shaders/near.wgsl`. Its twin (the
 //! same stage in Rust, for tests) has the same name in tests/gpu/twin.
@@ -114,7 +114,7 @@ pub(crate) struct Pipelines {
     project_module: ShaderModule,
     projects: [OnceLock<ComputePipeline>; 3],
     tile_module: ShaderModule,
-    tiles: [OnceLock<ComputePipeline>; 4],
+    tiles: [[OnceLock<ComputePipeline>; 2]; 4],
     splat_module: ShaderModule,
     splats: [[[OnceLock<RenderPipeline>; 2]; 3]; 4],
 }
@@ -146,10 +146,12 @@ impl Pipelines {
         self.projects[index].get_or_init(|| compute_pipeline(device, "project", &self.project_module, &constants))
     }
 
-    /// Returns the stage that composites tiles; compiles it on first use.
-    pub(crate) fn tile(&self, device: &Device, blend: BlendMode) -> &ComputePipeline {
-        let constants = [("BLEND", f64::from(blend as u8))];
-        self.tiles[blend as usize].get_or_init(|| compute_pipeline(device, "tile", &self.tile_module, &constants))
+    /// Returns the stage that composites tiles; `has_near`: whether splats may be of voxels near the eye. Compiles it on first
+    /// use.
+    pub(crate) fn tile(&self, device: &Device, blend: BlendMode, has_near: bool) -> &ComputePipeline {
+        let constants = [("BLEND", f64::from(blend as u8)), ("HAS_NEAR", f64::from(u8::from(has_near)))];
+        self.tiles[blend as usize][usize::from(has_near)]
+            .get_or_init(|| compute_pipeline(device, "tile", &self.tile_module, &constants))
     }
 
     /// Returns the stage that draws quads into a target; `has_near`: whether splats may be of voxels near the eye. Compiles it

@@ -58,7 +58,7 @@ struct FrameUniform {
     is_perspective: u32, // 1 in a perspective view, 0 in a parallel view.
     shininess: u32, // Exponent of the highlight; 0 for no lighting.
     tile_columns: u32, // Tiles in a row of the window.
-    mask_words: u32, // Number of 32-bit words of a tile's mask.
+    mask_words: u32, // Number of 32-bit words of a tile's mask and its summary.
     picture_rows: u32, // Rows of the whole picture.
     padding: u32, // The struct consists of whole vectors.
 }
@@ -107,10 +107,19 @@ struct Splat {
     red: f32, // Linear colour, lit.
     green: f32,
     blue: f32,
+    padding: u32, // The struct consists of whole vectors.
+}
+
+// A Splat in a buffer: as vectors, each of which a card moves at once.
+struct SplatVectors {
+    place: vec4<u32>, // `columns`, `rows`, `corner_x` and `corner_y`.
+    shape: vec4<f32>, // `falloff_x`, `falloff_y`, `shear` and `peak`.
+    colour: vec4<f32>, // `red`, `green` and `blue`.
 }
 
 const BATCH: u32 = 256u; // Number of splats of a batch, and of invocations of a workgroup.
 const TILE: i32 = 16; // Side of a tile of the picture, in pixels.
+const SUMMARY: u32 = 8u; // 32-bit words of the summary of a tile's mask.
 const NEAR_SPLAT: f32 = -1.0; // `falloff_y` of a voxel near the eye.
 const NOTHING: u32 = 1u; // `columns` and `rows` of a splat without pixels: first pixel 1, last pixel 0.
 

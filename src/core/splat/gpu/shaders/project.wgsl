@@ -15,7 +15,7 @@
 // By value code: colour, and optical depth per mean voxel spacing in units of ln 2 (in a maximum, normalised value).
 @group(0) @binding(6) var<storage, read> looks: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read> depths: array<f32>; // Optical depth by value code and magnitude code.
-@group(0) @binding(8) var<storage, read_write> splats: array<Splat>;
+@group(0) @binding(8) var<storage, read_write> splats: array<SplatVectors>;
 @group(0) @binding(9) var<storage, read_write> drawn: array<atomic<u32>>; // Number of drawn splats, by counter.
 
 // What voxels may be. A compiler leaves out the rest; that halves its time in some software (docs/studies/gpu.md).
@@ -201,7 +201,7 @@ fn span(centre: PixelPosition, half_width: f32, low: i32, high: i32) -> vec2<i32
 }
 
 fn nothing() -> Splat {
-    return Splat(NOTHING, NOTHING, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    return Splat(NOTHING, NOTHING, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0u);
 }
 
 // Returns the lit colour of a voxel.
@@ -290,7 +290,7 @@ fn near_splat(voxel: VisitedVoxel, xyz: vec3<u32>, cover: Coverage, depth: f32) 
     let colour = colour_of(voxel, xyz, look.xyz);
     return Splat(
         u32(columns.x) | (u32(columns.y) << 16u), u32(rows.x) | (u32(rows.y) << 16u),
-        offset.x, offset.y, offset.z, NEAR_SPLAT, at_eye, look.w, colour.x, colour.y, colour.z,
+        offset.x, offset.y, offset.z, NEAR_SPLAT, at_eye, look.w, colour.x, colour.y, colour.z, 0u,
     );
 }
 
@@ -348,7 +348,7 @@ fn value_splat(voxel: VisitedVoxel, xyz: vec3<u32>, share: f32) -> Splat {
     return Splat(
         u32(columns.x) | (u32(columns.y) << 16u), u32(rows.x) | (u32(rows.y) << 16u),
         f32(columns.x - x.nearest) - x.fraction, f32(rows.x - y.nearest) - y.fraction,
-        from_eye.y, from_eye.z, from_eye.x, value, f32(xyz[frame.nesting.x]), closeness, 0.0,
+        from_eye.y, from_eye.z, from_eye.x, value, f32(xyz[frame.nesting.x]), closeness, 0.0, 0u,
     );
 }
 
@@ -407,7 +407,7 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
     return Splat(
         u32(columns.x) | (u32(columns.y) << 16u), u32(rows.x) | (u32(rows.y) << 16u),
         f32(columns.x - x.nearest) - x.fraction, f32(rows.x - y.nearest) - y.fraction,
-        ellipse.falloff_x, ellipse.falloff_y, ellipse.shear, peak, colour.x, colour.y, colour.z,
+        ellipse.falloff_x, ellipse.falloff_y, ellipse.shear, peak, colour.x, colour.y, colour.z, 0u,
     );
 }
 
@@ -421,7 +421,11 @@ fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             splat = splat_of(voxel);
         }
     }
-    splats[slot] = splat;
+    splats[slot] = SplatVectors(
+        vec4<u32>(splat.columns, splat.rows, bitcast<u32>(splat.corner_x), bitcast<u32>(splat.corner_y)),
+        vec4<f32>(splat.falloff_x, splat.falloff_y, splat.shear, splat.peak),
+        vec4<f32>(splat.red, splat.green, splat.blue, 0.0),
+    );
     if splat.columns != NOTHING {
         atomicAdd(&drawn_here, 1u);
     }

@@ -1,18 +1,22 @@
-// Stage: tile. In: splats in visit order, each tile's mask of batches. Out: the window's pixels.
+// Stage: tile. In: splats in visit order, their boxes, each tile's mask of batches. Out: the window's pixels.
 // Twin: tests/gpu/twin/tile.rs
 //
-// A workgroup draws a tile and an invocation one pixel, which stays in registers from the first splat to the last. A
-// batch is read once: each invocation fetches one splat and notes whether it meets the tile; then all pixels composite
-// those splats that do. A tile ends early where all of its pixels are below the termination threshold.
+// A workgroup draws a tile and an invocation one pixel, which stays in registers from the first splat to the last. A step
+// takes the next eight batches of the tile's mask, and each invocation tests eight consecutive boxes. The splats that meet
+// the tile are fetched, 256 at a time; each patch of the tile then composites those that meet it. A patch has 32 pixels, as
+// many as cards run at a time, so no splat is computed where it cannot show. What keeps a card waiting is how long one splat
+// takes after the other, so two are computed side by side. A tile ends early where all of its pixels are below the
+// termination threshold.
 //
 // A pixel of a maximum holds its largest finished sample, then the sums of the samples half a slice before, at and after
 // its slice (cpu/maximum.rs). A chunk leaves all pixels at its own last slice.
 
 @group(0) @binding(0) var<uniform> frame: FrameUniform;
 @group(0) @binding(1) var<uniform> chunk: Chunk;
-@group(0) @binding(2) var<storage, read> splats: array<Splat>;
-@group(0) @binding(3) var<storage, read> masks: array<u32>;
-@group(0) @binding(4) var<storage, read_write> pixels: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> splats: array<SplatVectors>;
+@group(0) @binding(3) var<storage, read> boxes: array<vec4<u32>>; // Two boxes in each.
+@group(0) @binding(4) var<storage, read> masks: array<u32>;
+@group(0) @binding(5) var<storage, read_write> pixels: array<vec4<f32>>;
 
 // BLEND is the number of a BlendMode of stages.rs.
 override BLEND: u32 = 0u;
@@ -21,29 +25,46 @@ const BACK_TO_FRONT: u32 = 1u;
 const ADDITIVE: u32 = 2u;
 const MAXIMUM: u32 = 3u;
 
-struct TileSplat {
-    dx: f32, // From the splat's centre to the tile's first pixel, in pixels; of a voxel near the eye as in Splat.
-    dy: f32,
-    falloff_x: f32,
-    falloff_y: f32,
-    shear: f32,
-    peak: f32,
+const PATCH: vec2<u32> = vec2<u32>(8u, 4u); // Columns and rows of pixels of a patch; a row of a tile has two.
+const PATCHES: u32 = 8u;
+const STEP: u32 = 8u; // Batches of a step. An invocation tests as many boxes of one batch.
+const WORDS: u32 = 64u; // 32-bit words with a bit for each splat of a step.
+const FETCHED_WORDS: u32 = 8u; // 32-bit words with a bit for each fetched splat.
+const NO_BATCH: u32 = 0xffffffffu;
+
+// A place in the tile's row of masks.
+struct MaskPlace {
+    batch: u32, // The batch that was found last; NO_BATCH at the end.
+    word: u32, // What is left of the current word of the mask.
+    index: u32, // Its index in the mask.
+    summary: u32, // What is left of the current word of the summary.
+    next_summary: u32, // Index of the next one.
 }
 
-var<workgroup> batch_splats: array<TileSplat, BATCH>;
-var<workgroup> colours: array<vec3<f32>, BATCH>;
-var<workgroup> hits: array<atomic<u32>, 8>; // A bit for each splat of the batch that meets the tile.
-var<workgroup> any_open: u32;
+struct StepState {
+    hits: u32, // How many splats of the step meet the tile.
+    open_step: u32, // The last step, counted from 1, before which a pixel was open.
+}
+
+// Bits of the splats of a step that meet the tile, and their number in each batch, for two steps in turn: while one is read,
+// the other is cleared.
+var<workgroup> hits: array<atomic<u32>, 2u * WORDS>;
+var<workgroup> counts: array<atomic<u32>, 2u * STEP>;
+var<workgroup> state: StepState;
+var<workgroup> slots: array<u32, BATCH>; // Slots of the splats that are fetched.
+var<workgroup> fetched: array<SplatVectors, BATCH>;
+var<workgroup> patch_hits: array<atomic<u32>, PATCHES * FETCHED_WORDS>; // Bits of the fetched splats that meet a patch.
 var<private> slice: f32; // In a maximum: the slice of the pixel's sums.
 
-fn blend(pixel: vec4<f32>, colour: vec3<f32>, depth: f32) -> vec4<f32> {
+// Returns the pixel after a splat that absorbs, or in an additive mode adds, this amount.
+fn blend(pixel: vec4<f32>, colour: vec3<f32>, amount: f32) -> vec4<f32> {
     if BLEND == FRONT_TO_BACK {
-        return pixel + pixel.w * absorbed(depth) * vec4<f32>(colour, -1.0);
+        return pixel + pixel.w * amount * vec4<f32>(colour, -1.0);
     }
     if BLEND == BACK_TO_FRONT {
-        return pixel + absorbed(depth) * (vec4<f32>(colour, 0.0) - pixel);
+        return pixel + amount * (vec4<f32>(colour, 0.0) - pixel);
     }
-    return pixel + depth * vec4<f32>(colour, 1.0);
+    return pixel + amount * vec4<f32>(colour, 1.0);
 }
 
 // Returns a pixel whose sums that voxels `slices` slices ahead cannot add to are compared with its largest sample.
@@ -62,7 +83,7 @@ fn tent(distance: f32) -> f32 {
 
 // Returns the weights of a voxel in the samples half a slice before it, at it and half a slice after it, at a pixel `dx`,
 // `dy` pixels from it.
-fn sample_weights(s: TileSplat, closeness: f32, dx: f32, dy: f32) -> vec3<f32> {
+fn sample_weights(shape: vec4<f32>, closeness: f32, dx: f32, dy: f32) -> vec3<f32> {
     let moved = vec3<f32>(
         frame.sample_rays[0].x * dx + frame.sample_rays[0].y * dy,
         frame.sample_rays[1].x * dx + frame.sample_rays[1].y * dy,
@@ -72,11 +93,11 @@ fn sample_weights(s: TileSplat, closeness: f32, dx: f32, dy: f32) -> vec3<f32> {
     var step = vec2<f32>(frame.sample_rays[1].z, frame.sample_rays[2].z);
     var shares = vec3<f32>(0.5, 1.0, 0.5);
     if frame.is_perspective == 1u {
-        let from_eye = vec2<f32>(s.falloff_x, s.falloff_y);
-        let along = s.shear * closeness + moved.x;
-        apart = (moved.yz * s.shear - from_eye * moved.x) / along;
+        let from_eye = shape.xy;
+        let along = shape.z * closeness + moved.x;
+        apart = (moved.yz * shape.z - from_eye * moved.x) / along;
         step = 0.5 * (from_eye * closeness + moved.yz) / along;
-        let depths = (vec3<f32>(s.shear) + vec3<f32>(-0.5, 0.0, 0.5)) / along;
+        let depths = (vec3<f32>(shape.z) + vec3<f32>(-0.5, 0.0, 0.5)) / along;
         shares = select(vec3<f32>(0.0), shares, depths >= vec3<f32>(frame.near));
     }
     return shares * vec3<f32>(
@@ -90,36 +111,117 @@ fn is_open(pixel: vec4<f32>) -> bool {
     return BLEND != FRONT_TO_BACK || pixel.w >= frame.termination;
 }
 
-// Returns the pixel after splat `j` of the batch; `place` is the pixel's position in its tile, `at` in the picture.
-fn composite(pixel: vec4<f32>, j: u32, place: vec2<f32>, at: vec2<i32>) -> vec4<f32> {
-    let s = batch_splats[j];
-    if BLEND == MAXIMUM {
-        let colour = colours[j];
-        var sums = pixel;
-        if colour.x != slice {
-            sums = advanced(sums, colour.x - slice);
-            slice = colour.x;
-        }
-        return sums + vec4<f32>(0.0, s.peak * sample_weights(s, colour.y, s.dx + place.x, s.dy + place.y));
-    }
-    let away = select(place, vec2<f32>(0.0), s.falloff_y < 0.0);
-    let depth = splat_depth(s.dx + away.x, s.dy + away.y, s.falloff_x, s.falloff_y, s.shear, s.peak, at);
-    if depth > 0.0 && is_open(pixel) {
-        return blend(pixel, colours[j], depth);
-    }
-    return pixel;
+// Returns the distance of the pixel `at` from a splat's centre, in pixels; of a voxel near the eye as in Splat.
+fn from_centre(s: SplatVectors, at: vec2<i32>) -> vec2<f32> {
+    let is_near = BLEND != MAXIMUM && s.shape.y < 0.0;
+    let from_first = vec2<f32>(at - vec2<i32>(low_half(s.place.x), low_half(s.place.y)));
+    return bitcast<vec2<f32>>(s.place.zw) + select(from_first, vec2<f32>(0.0), is_near);
 }
 
-@compute @workgroup_size(16, 16)
-fn tile(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(local_invocation_id) place: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
+// Returns a splat's optical depth at the pixel `at`.
+fn depth_of(s: SplatVectors, at: vec2<i32>) -> f32 {
+    let away = from_centre(s, at);
+    return splat_depth(away.x, away.y, s.shape.x, s.shape.y, s.shape.z, s.shape.w, at);
+}
+
+// Returns the pixel of a maximum after a splat.
+fn with_samples(pixel: vec4<f32>, s: SplatVectors, at: vec2<i32>) -> vec4<f32> {
+    var sums = pixel;
+    if s.colour.x != slice {
+        sums = advanced(sums, s.colour.x - slice);
+        slice = s.colour.x;
+    }
+    let away = from_centre(s, at);
+    return sums + vec4<f32>(0.0, s.shape.w * sample_weights(s.shape, s.colour.y, away.x, away.y));
+}
+
+// Returns the pixel after two of the fetched splats, or only the first if there is no second.
+fn composite(pixel: vec4<f32>, first: u32, second: u32, has_second: bool, at: vec2<i32>) -> vec4<f32> {
+    let a = fetched[first];
+    let b = fetched[second];
+    if BLEND == MAXIMUM {
+        let sums = with_samples(pixel, a, at);
+        if has_second {
+            return with_samples(sums, b, at);
+        }
+        return sums;
+    }
+    let depths = vec2<f32>(depth_of(a, at), select(0.0, depth_of(b, at), has_second));
+    var amounts = depths;
+    if BLEND != ADDITIVE {
+        amounts = vec2<f32>(absorbed(depths.x), absorbed(depths.y));
+    }
+    let after = blend(pixel, a.colour.xyz, amounts.x);
+    if !is_open(after) {
+        return after;
+    }
+    return blend(after, b.colour.xyz, amounts.y);
+}
+
+// Returns the place of the next batch in the tile's row of masks, which begins at `row` and has `summaries` words of
+// summary in use.
+fn next_batch(before: MaskPlace, row: u32, summaries: u32) -> MaskPlace {
+    var place = before;
+    while place.word == 0u {
+        while place.summary == 0u {
+            if place.next_summary == summaries {
+                place.batch = NO_BATCH;
+                return place;
+            }
+            place.summary = masks[row + place.next_summary];
+            place.next_summary++;
+        }
+        place.index = 32u * (place.next_summary - 1u) + firstTrailingBit(place.summary);
+        place.summary &= place.summary - 1u;
+        place.word = masks[row + SUMMARY + place.index];
+    }
+    place.batch = 32u * place.index + firstTrailingBit(place.word);
+    place.word &= place.word - 1u;
+    return place;
+}
+
+fn meets(columns: u32, rows: u32, corner: vec2<i32>) -> bool {
+    let low = vec2<i32>(low_half(columns), low_half(rows));
+    let high = vec2<i32>(high_half(columns), high_half(rows));
+    // A splat without pixels begins after its end.
+    return all(high >= max(low, corner)) && all(low < corner + TILE);
+}
+
+// Notes which patches of the tile at `corner` the fetched splat `k` meets.
+fn note_patches(k: u32, corner: vec2<i32>) {
+    let columns = fetched[k].place.x;
+    let rows = fetched[k].place.y;
+    let low = max(vec2<i32>(low_half(columns), low_half(rows)) - corner, vec2<i32>(0));
+    let high = min(vec2<i32>(high_half(columns), high_half(rows)) - corner, vec2<i32>(TILE - 1));
+    let first_patch = vec2<u32>(low) / PATCH;
+    let last_patch = vec2<u32>(high) / PATCH;
+    for (var row = first_patch.y; row <= last_patch.y; row++) {
+        for (var column = first_patch.x; column <= last_patch.x; column++) {
+            atomicOr(&patch_hits[(2u * row + column) * FETCHED_WORDS + (k >> 5u)], 1u << (k & 31u));
+        }
+    }
+}
+
+// Writes to `slots` the slots of an invocation's hits, the first of which is the hit `rank` of those that are fetched next.
+fn list_slots(hits_here: u32, first_slot: u32, rank: u32) {
+    var left = hits_here;
+    for (var place = rank; left != 0u; place++) {
+        // Hits that are not fetched now have other places; those before have wrapped.
+        if place < BATCH {
+            slots[place] = first_slot + firstTrailingBit(left);
+        }
+        left &= left - 1u;
+    }
+}
+
+@compute @workgroup_size(256)
+fn tile(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let corner = frame.window.xy + vec2<i32>(group.xy) * TILE;
-    let at = corner + vec2<i32>(place.xy);
+    let in_tile = local >> 5u; // The invocation's patch.
+    let in_patch = local & 31u;
+    let place = PATCH * vec2<u32>(in_tile & 1u, in_tile >> 1u) + vec2<u32>(in_patch & 7u, in_patch >> 3u);
+    let at = corner + vec2<i32>(place);
     let is_inside = all(at < frame.window.zw);
-    let from_corner = vec2<f32>(place.xy);
     let width = u32(frame.window.z - frame.window.x);
     let index = u32(at.y - frame.window.y) * width + u32(at.x - frame.window.x);
     var pixel = vec4<f32>(0.0, 0.0, 0.0, frame.initial_alpha);
@@ -127,57 +229,90 @@ fn tile(
         pixel = pixels[index];
     }
     slice = f32(chunk.from_slice);
-    let words = (chunk.slot_count + 32u * BATCH - 1u) / (32u * BATCH);
-    let first_word = (group.y * frame.tile_columns + group.x) * frame.mask_words;
-    var is_done = false;
-    for (var w = 0u; w < words && !is_done; w++) {
-        var word = masks[first_word + w];
-        while word != 0u && !is_done {
-            let batch = 32u * w + firstTrailingBit(word);
-            word &= word - 1u;
+    let row = (group.y * frame.tile_columns + group.x) * frame.mask_words;
+    let summaries = (chunk.slot_count + 1024u * BATCH - 1u) / (1024u * BATCH);
+    var found = MaskPlace(NO_BATCH, 0u, 0u, 0u, 0u);
+    for (var step = 1u;; step++) {
+        found = next_batch(found, row, summaries);
+        if found.batch == NO_BATCH {
+            break;
+        }
+        var batch = found.batch;
+        for (var k = 1u; k < STEP; k++) {
+            found = next_batch(found, row, summaries);
+            if k <= in_tile {
+                batch = found.batch;
+            }
+        }
+        let first_slot = batch * BATCH + STEP * in_patch;
+        var mine = 0u; // A bit for each of the invocation's splats that meets the tile.
+        if batch != NO_BATCH {
+            for (var k = 0u; k < STEP; k += 2u) {
+                let two = boxes[(first_slot + k) / 2u];
+                mine |= select(0u, 1u, meets(two.x, two.y, corner)) << k;
+                mine |= select(0u, 2u, meets(two.z, two.w, corner)) << k;
+            }
+        }
+        let turn = step & 1u;
+        let word = turn * WORDS + local / 4u; // Four invocations share a word of `hits`.
+        let shift = 8u * (local & 3u);
+        if mine != 0u {
+            atomicOr(&hits[word], mine << shift);
+            atomicAdd(&counts[turn * STEP + in_tile], countOneBits(mine));
+        }
+        workgroupBarrier();
+        // In visit order, the invocation's hits come after those of the invocations before it.
+        var rank = countOneBits(atomicLoad(&hits[word]) & ((1u << shift) - 1u));
+        for (var k = word & ~7u; k < word; k++) {
+            rank += countOneBits(atomicLoad(&hits[k]));
+        }
+        var count = 0u;
+        for (var k = 0u; k < STEP; k++) {
+            let here = atomicLoad(&counts[turn * STEP + k]);
+            rank += select(0u, here, k < in_tile);
+            count += here;
+        }
+        if local == 0u {
+            state.hits = count;
+        }
+        if is_inside && is_open(pixel) {
+            state.open_step = step;
+        }
+        if local < WORDS {
+            atomicStore(&hits[(1u - turn) * WORDS + local], 0u);
+        }
+        if local < STEP {
+            atomicStore(&counts[(1u - turn) * STEP + local], 0u);
+        }
+        list_slots(mine, first_slot, rank);
+        let now = workgroupUniformLoad(&state);
+        if now.open_step != step {
+            break;
+        }
+        for (var done = 0u; done < now.hits; done += BATCH) {
+            if done > 0u {
+                list_slots(mine, first_slot, rank - done);
+                workgroupBarrier();
+            }
+            if local < now.hits - done {
+                fetched[local] = splats[slots[local]];
+                note_patches(local, corner);
+            }
             workgroupBarrier();
-            if local < 8u {
-                atomicStore(&hits[local], 0u);
-            }
-            if local == 0u {
-                any_open = 0u;
-            }
-            workgroupBarrier();
-            if is_inside && is_open(pixel) {
-                any_open = 1u;
-            }
-            let splat = splats[batch * BATCH + local];
-            let low = vec2<i32>(low_half(splat.columns), low_half(splat.rows));
-            let high = vec2<i32>(high_half(splat.columns), high_half(splat.rows));
-            if all(low <= high) && all(high >= corner) && all(low < corner + TILE) {
-                let is_near = BLEND != MAXIMUM && splat.falloff_y < 0.0;
-                let away = select(vec2<f32>(corner - low), vec2<f32>(0.0), is_near);
-                let dx = splat.corner_x + away.x;
-                let dy = splat.corner_y + away.y;
-                batch_splats[local] = TileSplat(dx, dy, splat.falloff_x, splat.falloff_y, splat.shear, splat.peak);
-                colours[local] = vec3<f32>(splat.red, splat.green, splat.blue);
-                atomicOr(&hits[local >> 5u], 1u << (local & 31u));
-            }
-            is_done = workgroupUniformLoad(&any_open) == 0u;
-            for (var h = 0u; h < 8u && !is_done; h++) {
-                var hit = atomicLoad(&hits[h]);
-                // Four splats per turn: each turn takes time, and one driver ends loops after 65,535 turns (budget.rs).
-                while hit != 0u {
-                    pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner, at);
+            for (var w = 0u; w < FETCHED_WORDS; w++) {
+                var hit = atomicLoad(&patch_hits[in_tile * FETCHED_WORDS + w]);
+                while hit != 0u && is_open(pixel) {
+                    let first = firstTrailingBit(hit);
                     hit &= hit - 1u;
-                    if hit != 0u {
-                        pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner, at);
-                        hit &= hit - 1u;
-                    }
-                    if hit != 0u {
-                        pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner, at);
-                        hit &= hit - 1u;
-                    }
-                    if hit != 0u {
-                        pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner, at);
-                        hit &= hit - 1u;
-                    }
+                    let has_second = hit != 0u;
+                    let second = select(first, firstTrailingBit(hit), has_second);
+                    hit &= hit - u32(has_second);
+                    pixel = composite(pixel, 32u * w + first, 32u * w + second, has_second, at);
                 }
+            }
+            workgroupBarrier();
+            if local < PATCHES * FETCHED_WORDS {
+                atomicStore(&patch_hits[local], 0u);
             }
         }
     }
