@@ -1,5 +1,7 @@
 //! The renderer over a turn: tiles, and quads in each format that the device blends.
 
+use std::time::{Duration, Instant};
+
 use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, GpuStats, QuadFormat};
 use adjsplat::splat::{Quality, Settings};
 use serde::Serialize;
@@ -8,6 +10,9 @@ use super::capture::VRAM;
 use super::device::Gpu;
 use super::report::median;
 use super::subject::BenchScene;
+
+/// For how long frames are drawn before the first that counts.
+const WARM_UP: Duration = Duration::from_secs(1);
 
 /// Medians over the frames of a turn; times in milliseconds, of stages by the device's clock.
 #[derive(Debug, Serialize)]
@@ -60,8 +65,12 @@ pub(crate) fn measure(gpu: &Gpu, subject: &BenchScene, settings: &Settings, fram
             let camera = subject.camera(index, frames, settings.size);
             renderer.render(&camera, settings).expect("a frame").1
         };
-        // The first frame compiles pipelines and copies the lane; it does not count.
-        draw(0);
+        // The first frame compiles pipelines and copies the lane, and cards that were idle run slowly at first. These frames
+        // do not count.
+        let start = Instant::now();
+        while start.elapsed() < WARM_UP {
+            draw(0);
+        }
         let turn: Vec<GpuStats> = (0..frames).map(draw).collect();
         let middle = |of: fn(&GpuStats) -> f64| median(turn.iter().map(of).collect());
         let (splats, frame_ms) = (middle(|stats| stats.splats_drawn as f64), middle(|stats| stats.frame_ms));

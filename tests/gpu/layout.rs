@@ -58,7 +58,7 @@ fn shaders_and_rust_lay_records_out_alike() {
                 mask_words picture_rows padding),
         ),
         ("Chunk", fields!(Chunk: first_block slot_count index is_first from_slice to_slice)),
-        ("VisitedVoxel", fields!(VisitedVoxel: xy z_coverage record)),
+        ("VisitedVoxel", fields!(VisitedVoxel: xy z_coverage record padding)),
         ("Splat", fields!(Splat: columns rows corner_x corner_y falloff_x falloff_y shear peak red green blue padding)),
     ];
     for (stage, _) in SHADERS {

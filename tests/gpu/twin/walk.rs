@@ -91,7 +91,7 @@ fn follow(frame: &FrameUniform, slab: &SlabWords, line: Line, first_slot: u32, v
             bits => element(slab.coverages, first.wrapping_add(k), bits),
         };
         if let Some(voxel) = voxels.get_mut(slot as usize) {
-            *voxel = VisitedVoxel { xy: x | y << 16, z_coverage: z | coverage << 16, record };
+            *voxel = VisitedVoxel { xy: x | y << 16, z_coverage: z | coverage << 16, record, padding: 0 };
         }
     };
 

@@ -114,6 +114,7 @@ pub struct VisitedVoxel {
     pub xy: u32,
     pub z_coverage: u32,
     pub record: u32,
+    pub padding: u32,
 }
 
 /// A splat: the footprint of a voxel in the picture.

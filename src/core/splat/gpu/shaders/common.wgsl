@@ -83,6 +83,7 @@ struct VisitedVoxel {
     xy: u32, // x in the low half, y in the high half.
     z_coverage: u32, // z in the low half, the coverage code in the high half.
     record: u32, // Index of the voxel's record in the slab; NO_RECORD for a slot without a voxel.
+    padding: u32, // The struct is a whole vector, which a card moves at once.
 }
 
 const NO_RECORD: u32 = 0xffffffffu;

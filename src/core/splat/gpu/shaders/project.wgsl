@@ -8,7 +8,7 @@
 
 @group(0) @binding(0) var<uniform> frame: FrameUniform;
 @group(0) @binding(1) var<uniform> chunk: Chunk;
-@group(0) @binding(2) var<storage, read> voxels: array<VisitedVoxel>;
+@group(0) @binding(2) var<storage, read> voxels: array<vec4<u32>>; // VisitedVoxels.
 @group(0) @binding(3) var<storage, read> values: array<u32>;
 @group(0) @binding(4) var<storage, read> normals: array<u32>;
 @group(0) @binding(5) var<storage, read> magnitudes: array<u32>;
@@ -416,7 +416,8 @@ fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     let slot = group.x * BATCH + local;
     var splat = nothing();
     if slot < chunk.slot_count {
-        let voxel = voxels[slot];
+        let stored = voxels[slot];
+        let voxel = VisitedVoxel(stored.x, stored.y, stored.z, stored.w);
         if voxel.record != NO_RECORD {
             splat = splat_of(voxel);
         }

@@ -35,7 +35,7 @@ struct LineBlock {
 // The high 26 bits are the index of a tile, the low 6 bits a line of that tile.
 @group(0) @binding(6) var<storage, read> lines: array<u32>;
 @group(0) @binding(7) var<storage, read> blocks: array<LineBlock>;
-@group(0) @binding(8) var<storage, read_write> voxels: array<VisitedVoxel>;
+@group(0) @binding(8) var<storage, read_write> voxels: array<vec4<u32>>; // VisitedVoxels.
 
 const LINES: u32 = 64u; // Most lines of a block.
 const STEPPING: i32 = 255; // By how many voxels a stepping record advances; its step byte is 0.
@@ -76,7 +76,7 @@ fn write_voxel(slot: u32, at: i32, line: vec2<u32>, record: u32, step: i32) {
         xyz = vec3<u32>(line.x, line.y, coordinate);
     }
     let z_coverage = xyz.z | (coverage_code(record) << 16u);
-    voxels[slot] = VisitedVoxel(xyz.x | (xyz.y << 16u), z_coverage, select(record, NO_RECORD, step == 0));
+    voxels[slot] = vec4<u32>(xyz.x | (xyz.y << 16u), z_coverage, select(record, NO_RECORD, step == 0), 0u);
 }
 
 @compute @workgroup_size(64)
@@ -121,10 +121,16 @@ fn walk(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
 
     if frame.fast_order <= DESCENDING {
         var at = -1;
+        var word = 0u;
         for (var k = 0u; k < count; k++) {
-            let step = step_byte(first + k);
+            // A word has the steps of four records.
+            let record = first + k;
+            if k == 0u || (record & 3u) == 0u {
+                word = steps[record >> 2u];
+            }
+            let step = i32((word >> (8u * (record & 3u))) & 0xffu);
             at += distance(step);
-            write_voxel(select(first_slot + k, last_slot - k, frame.fast_order == DESCENDING), at, line, first + k, step);
+            write_voxel(select(first_slot + k, last_slot - k, frame.fast_order == DESCENDING), at, line, record, step);
         }
         return;
     }
