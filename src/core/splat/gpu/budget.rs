@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 /// Most records of a chunk: as many batches as the summary of a mask has bits for words.
 const MAX_SLOTS: u64 = (SUMMARY * 32 * 32 * BATCH) as u64;
 /// Like `MAX_SLOTS`, on devices in software. Mesa's llvmpipe, before version 25, silently ends the loops of an
-/// invocation after 65,535 turns in all; a tile that all of these splats meet takes 40,000.
+/// invocation after 65,535 turns in all; a tile that all of these splats meet takes about 39,000.
 const MAX_SLOTS_IN_SOFTWARE: u64 = 1 << 16;
 const MIN_SLOTS: u64 = 1 << 16; // Fewest records of a chunk: the longest line.
 pub(super) const BOX_BYTES: u64 = 8; // Bytes of a splat's box, beside the splat.
