@@ -1,7 +1,7 @@
 //! The splats of a frame, read from the renderer's buffers chunk by chunk, and the work of its stages.
 
 use adjsplat::internals::gpu_stages::Probe;
-use adjsplat::internals::gpu_stages::{BATCH, FrameUniform, SUMMARY, Splat, TILE, VisitedVoxel};
+use adjsplat::internals::gpu_stages::{BATCH, FrameUniform, SUMMARY_WORDS, Splat, TILE, VisitedVoxel};
 use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, GpuStats};
 use adjsplat::splat::{Camera, Frame, Settings, View};
 
@@ -71,7 +71,7 @@ pub(crate) fn capture(gpu: &Gpu, subject: &BenchScene, camera: &Camera, settings
         // The shader does not read words beyond the chunk's batches.
         let used = count.div_ceil(BATCH as usize).div_ceil(32);
         let rows = masks.chunks_exact(probe.uniform.mask_words as usize);
-        let masks = rows.flat_map(|row| &row[SUMMARY as usize..][..used]);
+        let masks = rows.flat_map(|row| &row[SUMMARY_WORDS as usize..][..used]);
         work.tile_batches += masks.map(|word| u64::from(word.count_ones())).sum::<u64>();
         let voxels: Vec<VisitedVoxel> = gpu.read(probe.voxels, count);
         let drawn: Vec<Splat> = gpu.read(probe.splats, count);

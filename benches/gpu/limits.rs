@@ -1,7 +1,7 @@
 //! The limit of each stage: the time that the memory needs for the bytes that the stage must move.
 //!
-//! Each byte counts once as read or written, as if there were no caches. Tiles have two rows: each splat counted once, and
-//! counted for each tile that reads its batch, as if no tile ended early; caches may serve the latter.
+//! Each byte counts once as read or written, as if there were no caches. Tiles have two rows: each splat and its box
+//! counted once, and boxes counted for each tile that tests their batch, as if no tile ended early; caches may serve the latter.
 
 use adjsplat::internals::gpu_stages::{BATCH, Splat, VisitedVoxel};
 use serde::Serialize;
@@ -13,6 +13,9 @@ use super::{quads, sort};
 
 /// Bytes of a line in the list, and of its end.
 const LINE: u64 = 4 + 4;
+/// Bytes of a splat that `bin` reads, and of the box that it writes.
+const PLACE: u64 = 16;
+const BOX: u64 = 8;
 /// Bytes of a pixel of tiles.
 const PIXEL: u64 = 16;
 
@@ -45,11 +48,15 @@ pub(crate) fn rows(work: &Work, tiles: &PathRow, order: &OrderRow, bandwidth: f6
     let parts = [
         ("walk", work.records * (1 + voxel) + work.lines * LINE, stages.map(|stages| stages.walk_ms)),
         ("project", work.records * (voxel + work.channel_bytes + splat), stages.map(|stages| stages.project_ms)),
-        ("bin", work.records * splat, stages.map(|stages| stages.bin_ms)),
-        ("tile, each splat once", work.records * splat + stored, stages.map(|stages| stages.composite_ms)),
+        ("bin", work.records * (PLACE + BOX), stages.map(|stages| stages.bin_ms)),
         (
-            "tile, at most as often as read",
-            work.tile_batches * u64::from(BATCH) * splat + stored,
+            "tile, each box and splat once",
+            work.records * (BOX + splat) + stored,
+            stages.map(|stages| stages.composite_ms),
+        ),
+        (
+            "tile, boxes as often as read",
+            work.tile_batches * u64::from(BATCH) * BOX + stored,
             stages.map(|stages| stages.composite_ms),
         ),
         ("quads in visit order, 16 bits", blended(order.splats), Some(order.visit_order_ms)),

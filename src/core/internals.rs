@@ -32,7 +32,7 @@ pub use crate::volume::source::obtainable;
 #[cfg(feature = "gpu")]
 pub mod gpu_stages {
     pub use crate::splat::gpu::layout::{
-        AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING, SUMMARY,
+        AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING, SUMMARY_WORDS,
     };
     pub use crate::splat::gpu::layout::{Splat, TILE, VisitedVoxel};
     pub use crate::splat::gpu::probe::{Probe, ProbeCallback};

@@ -7,7 +7,8 @@ use adjsplat::arena::TileRecord;
 use adjsplat::internals::LOW_PASS;
 use adjsplat::internals::gpu_stages::SHADERS;
 use adjsplat::internals::gpu_stages::{
-    AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING, SUMMARY, Splat, TILE, VisitedVoxel,
+    AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING, SUMMARY_WORDS, Splat, TILE,
+    VisitedVoxel,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Expression, Literal, Module, TypeInner};
@@ -67,6 +68,13 @@ fn shaders_and_rust_lay_records_out_alike() {
             assert_eq!(&reflected(&module, name), rust, "{name} of {stage}");
         }
     }
+    let vectors = [
+        ("place", offset_of!(Splat, columns)),
+        ("shape", offset_of!(Splat, falloff_x)),
+        ("colour", offset_of!(Splat, red)),
+    ];
+    let vectors = vectors.map(|(name, at)| (name.to_owned(), at, 16)).to_vec();
+    assert_eq!(reflected(&module("tile"), "SplatVectors"), (vectors, size_of::<Splat>()));
     let walk = module("walk");
     assert_eq!(reflected(&walk, "LineBlock"), fields!(LineBlock: first_line line_count first_slot end_slot));
 }
@@ -142,7 +150,7 @@ fn shaders_and_rust_know_the_same_constants() {
         ("LINES", f64::from(LINES), 1),
         ("BATCH", f64::from(BATCH), 5),
         ("TILE", f64::from(TILE), 5),
-        ("SUMMARY", f64::from(SUMMARY), 5),
+        ("SUMMARY_WORDS", f64::from(SUMMARY_WORDS), 5),
         ("NOTHING", f64::from(NOTHING), 5),
         ("NO_RECORD", f64::from(NO_RECORD), 5),
         ("STEPPING", f64::from(twin::walk::STEPPING), 1),

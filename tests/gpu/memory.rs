@@ -67,7 +67,8 @@ fn dust_beside_a_solid_stays_within() {
     let camera = Camera::orbiting(Orbit { azimuth: 20.0, elevation: 40.0, ..Orbit::default() }, around, size).unwrap();
     // Slow z, medium y, fast x.
     let order = Some(Order::parallel(5, 0));
-    let settings = Settings::every_pixel(size).with_quality(Quality::Draft).with_order(order);
+    // The lane that fits is listed on all threads, the one that does not on one.
+    let settings = Settings::every_pixel(size).with_quality(Quality::Draft).with_order(order).with_threads(4);
     let options = |vram| GpuOptions::default().with_vram(vram).with_compositor(Compositor::Quads(QuadFormat::Float16));
     let draw = |vram| {
         let mut renderer = GpuRenderer::new(opened.device.clone(), opened.queue.clone(), scene, options(vram)).unwrap();
@@ -78,6 +79,22 @@ fn dust_beside_a_solid_stays_within() {
     say(&format!("dust: {} slabs, {} bytes of {TIGHT}, {most} by the device", many.slabs, many.vram_bytes));
     assert!(one.slabs == 1 && many.slabs > 3, "{} and {} slabs", one.slabs, many.slabs);
     assert!(shows(&whole) && frame == whole);
+}
+
+/// Rows do not divide evenly among threads.
+#[test]
+fn pixels_do_not_depend_on_threads() {
+    let Some(opened) = own_device() else { return };
+    let built = phantom("gyroid", [24; 3], [1.0; 3], transfer(LIT_LAYERS), 8);
+    let settings = Settings::every_pixel([301, 333]);
+    let camera = built.orbit(31.0, 24.0, None, settings.size);
+    for compositor in [Compositor::Tiles, Compositor::Quads(QuadFormat::Float16)] {
+        let mut renderer = renderer(&opened, &built, PLENTY);
+        renderer.set_compositor(Some(compositor)).unwrap();
+        let [one, three] =
+            [1, 3].map(|threads| renderer.render(&camera, &settings.clone().with_threads(threads)).unwrap().0);
+        assert!(shows(&one) && one == three, "{compositor:?}");
+    }
 }
 
 /// 4 bytes a record: 4 MB of them, of which there is room for 1.

@@ -457,6 +457,7 @@ fn each_stage_of_quads_does_what_its_twin_does() {
             // 2.7e-3 from the nearest in 16 bits, in the scene of 1:1:20, where many splats lie one behind the other.
             let allowed = match target {
                 QuadFormat::Float32 => 1e-4,
+                QuadFormat::Float16 if device().is_some_and(|opened| opened.facts.is_software()) => 1e-3,
                 QuadFormat::Float16 => 4e-3,
                 QuadFormat::Unorm8 => 2e-2,
             };

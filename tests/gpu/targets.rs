@@ -90,7 +90,7 @@ fn column_error(compositor: Compositor) -> Option<f64> {
 
 /// Back to front, a pixel no longer changes once what a splat would add is below half a unit in its last place (or a
 /// whole one, where a device rounds toward 0): it is off by that over the opacity. An NVIDIA H200 blends 16 bits in a way of
-/// its own, with a quarter of that error; more than a tenth of it is far above that of 32 bits.
+/// its own, with a quarter of that error.
 #[test]
 fn narrow_targets_stagnate_where_opacities_are_small_and_wide_ones_do_not() {
     let Some(tiles) = column_error(Compositor::Tiles) else { return };
@@ -102,6 +102,8 @@ fn narrow_targets_stagnate_where_opacities_are_small_and_wide_ones_do_not() {
     }
     for (target, known) in [(QuadFormat::Float16, 0.025), (QuadFormat::Unorm8, 0.165)] {
         let found = column_error(Compositor::Quads(target)).unwrap();
-        assert!((known / 10.0..=known * 2.0).contains(&found), "{target:?}: {found}, not about {known}");
+        let is_own_way = target == QuadFormat::Float16 && device().is_some_and(|opened| !opened.facts.is_software());
+        let least = known / if is_own_way { 10.0 } else { 2.0 };
+        assert!((least..=known * 2.0).contains(&found), "{target:?}: {found}, not about {known}");
     }
 }

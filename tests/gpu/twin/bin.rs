@@ -1,11 +1,10 @@
 //! Twin of `shaders/bin.wgsl`: from splats to their boxes and each tile's mask of batches.
 
 use super::{high_half, low_half};
-use adjsplat::internals::gpu_stages::{BATCH, FrameUniform, NOTHING, SUMMARY, Splat, TILE};
+use adjsplat::internals::gpu_stages::{BATCH, FrameUniform, NOTHING, SUMMARY_WORDS, Splat, TILE};
 
 /// Sets the bit of each batch in the mask of each tile that a splat of the batch meets, and the bit of its word in the summary
-/// before the mask; `masks` are 0 before. Returns the
-/// splats' boxes.
+/// before the mask; `masks` are 0 before. Returns the splats' boxes.
 ///
 /// # Panics
 /// If a splat does not meet the window.
@@ -23,7 +22,7 @@ pub(crate) fn bin(frame: &FrameUniform, splats: &[Splat], masks: &mut [u32]) -> 
             for column in tile_of(left, x0)..=tile_of(right, x0) {
                 let tile = row * frame.tile_columns + column;
                 let row = tile * frame.mask_words;
-                masks[(row + SUMMARY + batch / 32) as usize] |= 1 << (batch % 32);
+                masks[(row + SUMMARY_WORDS + batch / 32) as usize] |= 1 << (batch % 32);
                 masks[(row + batch / 1024) as usize] |= 1 << (batch / 32 % 32);
             }
         }

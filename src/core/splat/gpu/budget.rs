@@ -8,16 +8,17 @@
 //! ceiling = tables + copies in flight + chunk (voxels, splats, boxes, masks) + pixels (accumulated, read back) + lanes
 //! ```
 
-use super::layout::{BATCH, SUMMARY, Splat, TILE, VisitedVoxel};
+use super::layout::{BATCH, SUMMARY_WORDS, Splat, TILE, VisitedVoxel};
 use super::lines::LaneSize;
 use crate::arena::TileRecord;
 use crate::error::{Error, Result};
 
 /// Most records of a chunk: as many batches as the summary of a mask has bits for words.
-const MAX_SLOTS: u64 = (SUMMARY * 32 * 32 * BATCH) as u64;
+const MAX_SLOTS: u64 = (SUMMARY_WORDS * 32 * 32 * BATCH) as u64;
 /// Like `MAX_SLOTS`, on devices in software. Mesa's llvmpipe, before version 25, silently ends the loops of an
-/// invocation after 65,535 turns in all; a tile that all of these splats meet takes about 39,000.
-const MAX_SLOTS_IN_SOFTWARE: u64 = 1 << 16;
+/// invocation after 65,535 turns in all; a tile that half of these splats meet takes about 41,000. So masks of several
+/// words of summary are tested where there is a card only.
+const MAX_SLOTS_IN_SOFTWARE: u64 = 1 << 17;
 const MIN_SLOTS: u64 = 1 << 16; // Fewest records of a chunk: the longest line.
 pub(super) const BOX_BYTES: u64 = 8; // Bytes of a splat's box, beside the splat.
 const PIXEL_BYTES: u64 = 16; // Bytes per pixel, in the accumulated pixels and again in the read-back buffer.
@@ -44,8 +45,13 @@ impl MemoryPlan {
         table_bytes: u64,
         widest_channel: u64,
         is_software: bool,
+        has_tiles: bool,
     ) -> Result<MemoryPlan> {
-        let max_slots = if is_software { MAX_SLOTS_IN_SOFTWARE } else { MAX_SLOTS };
+        let max_slots = match (is_software, has_tiles) {
+            (true, true) => MAX_SLOTS_IN_SOFTWARE / 2,
+            (true, false) => MAX_SLOTS_IN_SOFTWARE,
+            (false, _) => MAX_SLOTS,
+        };
         let [columns, rows] = size.map(u64::from);
         let base = FIXED_BYTES + table_bytes + in_flight(ceiling);
         // This returns the bytes of a window's pixels, and of its masks.
@@ -99,5 +105,5 @@ pub(crate) fn in_flight(ceiling: u64) -> u64 {
 
 /// Returns how many 32-bit words the mask of a tile has with its summary, for chunks of `slots` records.
 pub(crate) fn mask_words(slots: u64) -> u64 {
-    u64::from(SUMMARY) + slots.div_ceil(BATCH.into()).div_ceil(32)
+    u64::from(SUMMARY_WORDS) + slots.div_ceil(BATCH.into()).div_ceil(32)
 }

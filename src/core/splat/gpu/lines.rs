@@ -113,8 +113,8 @@ impl LaneSize {
 }
 
 impl LineList {
-    /// Lists the lines of `lane` in `order`, as one slab if the whole lane fits `room`, else as slabs of as many slices
-    /// as fit. [`Error::Limit`] if the tiles of a single slice do not fit.
+    /// Lists the lines of `lane` in `order`: as one slab, on up to `threads` threads, if the whole lane fits `room`; else as
+    /// slabs of as many slices as fit. [`Error::Limit`] if the tiles of a single slice do not fit.
     pub(crate) fn new(lane: &Lane, order: &Order, room: LaneSize, threads: usize) -> Result<LineList> {
         let slices = OrderedSlices::new(lane, order, |_| true);
         let is_whole = LaneSize::of_lane(lane).check(room).is_ok();

@@ -4,8 +4,8 @@
 //!
 //! ```text
 //! lane (bytes of the file) ------------------.
-//! order -> line list (kept while it lasts) --+-> walk -> voxels -> project -> splats -> bin -> masks -> tile -> pixels
-//! camera -> blocks in view -> chunks --------'                                     '----> splat (quads) ----> target
+//! order -> line list (kept while it lasts) --+-> walk -> voxels -> project -> splats -> bin -> boxes, masks -> tile -> pixels
+//! camera -> blocks in view -> chunks --------'                                     '----> splat (quads) -----------> target
 //! ```
 //!
 //! The device walks the lane (all scan lines along one axis) in exact visibility order, so nothing is sorted. A frame
@@ -110,7 +110,7 @@ impl GpuOptions {
 
     /// Most bytes that such lanes take together; frames need the rest.
     fn lane_bytes(&self) -> u64 {
-        self.vram / 4 * 3
+        self.vram / 8 * 5
     }
 
     /// Sets the most bytes of video memory.
@@ -216,7 +216,7 @@ impl<'a> GpuRenderer<'a> {
     }
 
     /// Returns the compositor in use: that of the options, if there is one. Else it is tiles, or quads if the device is
-    /// a processor, where one barrier of a tile takes as long as a hundred pixels (docs/studies/gpu.md).
+    /// a processor, which draws most pictures faster so (docs/studies/gpu.md).
     pub fn compositor(&self) -> Compositor {
         let can_blend = self.resident.context.device.features().contains(Features::FLOAT32_BLENDABLE);
         let prefers_quads = self.resident.is_software && can_blend;
@@ -237,8 +237,8 @@ impl<'a> GpuRenderer<'a> {
         Ok(())
     }
 
-    /// Draws a frame and waits for it; ignores `settings.code`. The processor lists lines and finishes pixels on
-    /// `settings.threads` threads.
+    /// Draws a frame and waits for it; ignores `settings.code`. The processor lists the lines of a lane that fits the video
+    /// memory, and finishes pixels, on up to `settings.threads` threads.
     ///
     /// The frame is that of [`cpu::render`](super::cpu::render), except for rounding, also that of the target, and for
     /// early termination, which quads do not have.
@@ -441,7 +441,8 @@ impl<'a> GpuRenderer<'a> {
         // That of all levels, so that lists last while views change between levels.
         let all_facts = std::iter::once(self.scene.facts).chain(self.scene.lanes.levels());
         let widest = all_facts.flat_map(|facts| facts.channels.widths()).max().unwrap_or(1) as u64;
-        MemoryPlan::new(ceiling, max_binding, settings.size, table_bytes, widest, self.resident.is_software)
+        let (is_software, has_tiles) = (self.resident.is_software, self.resident.current == Compositor::Tiles);
+        MemoryPlan::new(ceiling, max_binding, settings.size, table_bytes, widest, is_software, has_tiles)
     }
 
     /// Prepares the tables for all parts of a frame. Composites have those of level 0, whatever they draw. Frames in other

@@ -29,7 +29,7 @@ pub struct Probe<'p> {
     pub splats: &'p Buffer,
     /// Columns and rows of each splat's box; with `Compositor::Tiles` only.
     pub boxes: Option<&'p Buffer>,
-    /// For each tile of the picture, a mask of the batches with splats on it; with `Compositor::Tiles` only.
+    /// For each tile of the picture, a mask of the batches with splats on it, after its summary; with `Compositor::Tiles` only.
     pub masks: Option<&'p Buffer>,
     /// Four values for each pixel; only with [`Compositor::Tiles`](super::Compositor).
     pub pixels: Option<&'p Buffer>,

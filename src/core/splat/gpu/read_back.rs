@@ -12,6 +12,7 @@ use super::{Compositor, GpuRenderer, GpuStats, QuadFormat};
 use crate::error::Result;
 use crate::parallel::in_parts;
 
+const PIXELS_OF_THREAD: usize = 1 << 15; // Fewest pixels that are worth another thread: some tenths of a millisecond.
 pub(super) const COUNTERS: u64 = 4_096; // Number of counters of drawn splats; later chunks use them again.
 
 /// Copies the pixels of a window of `size` (columns and rows) from the device into `out`, the window's part of a frame, and
@@ -52,6 +53,7 @@ pub(super) async fn window(
     context.submit([encoder.finish()])?;
     let table = &renderer.looks().table;
     let pixels = out.as_chunks_mut::<4>().0;
+    let threads = threads.min(pixels.len() / PIXELS_OF_THREAD).max(1);
     let finish = |bytes: &[u8]| {
         let (width, pitch, pixel_bytes) = (width as usize, pitch as usize, target.pixel_bytes() as usize);
         in_parts(pixels, width, threads, |first, rows| {

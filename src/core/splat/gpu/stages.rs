@@ -1,8 +1,8 @@
 //! The pipelines of the stages, and the binding of their buffers.
 //!
 //! In: a device. Out: the compute stages walk, project, bin and tile, and the drawing stage splat. Tile and splat are compiled
-//! for each [`BlendMode`], splat also for each format of the target. Project is compiled for maxima and for footprints; project of
-//! footprints, tile and splat are, with and without voxels near the eye.
+//! for each [`BlendMode`], splat also for each format of the target. Project is compiled for maxima and for footprints. All
+//! three, but for maxima, are compiled twice: with and without voxels near the eye.
 //!
 //! A shader is `shaders/common.wgsl` followed by its own file, of tile and splat also by `shaders/near.wgsl`. Its twin (the
 //! same stage in Rust, for tests) has the same name in tests/gpu/twin.
@@ -149,6 +149,8 @@ impl Pipelines {
     /// Returns the stage that composites tiles; `has_near`: whether splats may be of voxels near the eye. Compiles it on first
     /// use.
     pub(crate) fn tile(&self, device: &Device, blend: BlendMode, has_near: bool) -> &ComputePipeline {
+        // In a maximum no voxel is near the eye.
+        let has_near = has_near && blend != BlendMode::Maximum;
         let constants = [("BLEND", f64::from(blend as u8)), ("HAS_NEAR", f64::from(u8::from(has_near)))];
         self.tiles[blend as usize][usize::from(has_near)]
             .get_or_init(|| compute_pipeline(device, "tile", &self.tile_module, &constants))

@@ -2,8 +2,8 @@
 // (256 consecutive splats), set if one of its splats lies on the tile.
 // Twin: tests/gpu/twin/bin.rs
 //
-// Before a mask comes its summary: a bit for each word that is not 0. Bits are in visit order, so a tile finds its batches in order and nothing is sorted. A mask has a fixed size, so
-// large splats cannot make it overflow.
+// Before a mask comes its summary: a bit for each word that is not 0. Bits are in visit order, so a tile finds its batches
+// in order and nothing is sorted. A mask has a fixed size, so large splats cannot make it overflow.
 
 @group(0) @binding(0) var<uniform> frame: FrameUniform;
 @group(0) @binding(1) var<storage, read> splats: array<SplatVectors>;
@@ -31,7 +31,7 @@ fn bin(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index)
         for (var column = first.x; column <= last.x; column++) {
             let tile = u32(row) * frame.tile_columns + u32(column);
             let row_word = tile * frame.mask_words;
-            let word = row_word + SUMMARY + (batch >> 5u);
+            let word = row_word + SUMMARY_WORDS + (batch >> 5u);
             // Most bits are already set by a neighbouring splat, and a load is cheaper than an atomic change.
             if (atomicLoad(&masks[word]) & bit) == 0u {
                 if atomicOr(&masks[word], bit) == 0u {

@@ -1,9 +1,9 @@
 // Stage: tile. In: splats in visit order, their boxes, each tile's mask of batches. Out: the window's pixels.
 // Twin: tests/gpu/twin/tile.rs
 //
-// A workgroup draws a tile and an invocation one pixel, which stays in registers from the first splat to the last. A step
+// A workgroup draws a tile and an invocation one pixel, which stays in registers from the first splat to the last. A round
 // takes the next eight batches of the tile's mask, and each invocation tests eight consecutive boxes. The splats that meet
-// the tile are fetched, 256 at a time; each patch of the tile then composites those that meet it. A patch has 32 pixels, as
+// the tile are fetched, 256 at a time; each cell of the tile then composites those that meet it. A cell has 32 pixels, as
 // many as cards run at a time, so no splat is computed where it cannot show. What keeps a card waiting is how long one splat
 // takes after the other, so two are computed side by side. A tile ends early where all of its pixels are below the
 // termination threshold.
@@ -25,10 +25,10 @@ const BACK_TO_FRONT: u32 = 1u;
 const ADDITIVE: u32 = 2u;
 const MAXIMUM: u32 = 3u;
 
-const PATCH: vec2<u32> = vec2<u32>(8u, 4u); // Columns and rows of pixels of a patch; a row of a tile has two.
-const PATCHES: u32 = 8u;
-const STEP: u32 = 8u; // Batches of a step. An invocation tests as many boxes of one batch.
-const WORDS: u32 = 64u; // 32-bit words with a bit for each splat of a step.
+const CELL_SIZE: vec2<u32> = vec2<u32>(8u, 4u); // Columns and rows of pixels of a cell; a row of a tile has box_pair.
+const CELLS: u32 = 8u;
+const ROUND: u32 = 8u; // Batches of a round. An invocation tests as many boxes of one batch.
+const HIT_WORDS: u32 = 64u; // 32-bit words with a bit for each splat of a round.
 const FETCHED_WORDS: u32 = 8u; // 32-bit words with a bit for each fetched splat.
 const NO_BATCH: u32 = 0xffffffffu;
 
@@ -41,19 +41,19 @@ struct MaskPlace {
     next_summary: u32, // Index of the next one.
 }
 
-struct StepState {
-    hits: u32, // How many splats of the step meet the tile.
-    open_step: u32, // The last step, counted from 1, before which a pixel was open.
+struct RoundState {
+    hits: u32, // How many splats of the round meet the tile.
+    open_round: u32, // The last round, counted from 1, before which a pixel was open.
 }
 
-// Bits of the splats of a step that meet the tile, and their number in each batch, for two steps in turn: while one is read,
+// Bits of the splats of a round that meet the tile, and their number in each batch, for two rounds in turn: while one is read,
 // the other is cleared.
-var<workgroup> hits: array<atomic<u32>, 2u * WORDS>;
-var<workgroup> counts: array<atomic<u32>, 2u * STEP>;
-var<workgroup> state: StepState;
+var<workgroup> hits: array<atomic<u32>, 2u * HIT_WORDS>;
+var<workgroup> counts: array<atomic<u32>, 2u * ROUND>;
+var<workgroup> state: RoundState;
 var<workgroup> slots: array<u32, BATCH>; // Slots of the splats that are fetched.
 var<workgroup> fetched: array<SplatVectors, BATCH>;
-var<workgroup> patch_hits: array<atomic<u32>, PATCHES * FETCHED_WORDS>; // Bits of the fetched splats that meet a patch.
+var<workgroup> cell_hits: array<atomic<u32>, CELLS * FETCHED_WORDS>; // Bits of the fetched splats that meet a cell.
 var<private> slice: f32; // In a maximum: the slice of the pixel's sums.
 
 // Returns the pixel after a splat that absorbs, or in an additive mode adds, this amount.
@@ -113,7 +113,7 @@ fn is_open(pixel: vec4<f32>) -> bool {
 
 // Returns the distance of the pixel `at` from a splat's centre, in pixels; of a voxel near the eye as in Splat.
 fn from_centre(s: SplatVectors, at: vec2<i32>) -> vec2<f32> {
-    let is_near = BLEND != MAXIMUM && s.shape.y < 0.0;
+    let is_near = HAS_NEAR && BLEND != MAXIMUM && s.shape.y < 0.0;
     let from_first = vec2<f32>(at - vec2<i32>(low_half(s.place.x), low_half(s.place.y)));
     return bitcast<vec2<f32>>(s.place.zw) + select(from_first, vec2<f32>(0.0), is_near);
 }
@@ -173,7 +173,7 @@ fn next_batch(before: MaskPlace, row: u32, summaries: u32) -> MaskPlace {
         }
         place.index = 32u * (place.next_summary - 1u) + firstTrailingBit(place.summary);
         place.summary &= place.summary - 1u;
-        place.word = masks[row + SUMMARY + place.index];
+        place.word = masks[row + SUMMARY_WORDS + place.index];
     }
     place.batch = 32u * place.index + firstTrailingBit(place.word);
     place.word &= place.word - 1u;
@@ -187,39 +187,39 @@ fn meets(columns: u32, rows: u32, corner: vec2<i32>) -> bool {
     return all(high >= max(low, corner)) && all(low < corner + TILE);
 }
 
-// Notes which patches of the tile at `corner` the fetched splat `k` meets.
-fn note_patches(k: u32, corner: vec2<i32>) {
+// Notes which cells of the tile at `corner` the fetched splat `k` meets.
+fn note_cells(k: u32, corner: vec2<i32>) {
     let columns = fetched[k].place.x;
     let rows = fetched[k].place.y;
     let low = max(vec2<i32>(low_half(columns), low_half(rows)) - corner, vec2<i32>(0));
     let high = min(vec2<i32>(high_half(columns), high_half(rows)) - corner, vec2<i32>(TILE - 1));
-    let first_patch = vec2<u32>(low) / PATCH;
-    let last_patch = vec2<u32>(high) / PATCH;
-    for (var row = first_patch.y; row <= last_patch.y; row++) {
-        for (var column = first_patch.x; column <= last_patch.x; column++) {
-            atomicOr(&patch_hits[(2u * row + column) * FETCHED_WORDS + (k >> 5u)], 1u << (k & 31u));
+    let first_cell = vec2<u32>(low) / CELL_SIZE;
+    let last_cell = vec2<u32>(high) / CELL_SIZE;
+    for (var row = first_cell.y; row <= last_cell.y; row++) {
+        for (var column = first_cell.x; column <= last_cell.x; column++) {
+            atomicOr(&cell_hits[(2u * row + column) * FETCHED_WORDS + (k >> 5u)], 1u << (k & 31u));
         }
     }
 }
 
 // Writes to `slots` the slots of an invocation's hits, the first of which is the hit `rank` of those that are fetched next.
 fn list_slots(hits_here: u32, first_slot: u32, rank: u32) {
-    var left = hits_here;
-    for (var place = rank; left != 0u; place++) {
+    var bits = hits_here;
+    for (var place = rank; bits != 0u; place++) {
         // Hits that are not fetched now have other places; those before have wrapped.
         if place < BATCH {
-            slots[place] = first_slot + firstTrailingBit(left);
+            slots[place] = first_slot + firstTrailingBit(bits);
         }
-        left &= left - 1u;
+        bits &= bits - 1u;
     }
 }
 
 @compute @workgroup_size(256)
 fn tile(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let corner = frame.window.xy + vec2<i32>(group.xy) * TILE;
-    let in_tile = local >> 5u; // The invocation's patch.
-    let in_patch = local & 31u;
-    let place = PATCH * vec2<u32>(in_tile & 1u, in_tile >> 1u) + vec2<u32>(in_patch & 7u, in_patch >> 3u);
+    let cell = local >> 5u; // The invocation's cell; also which of the round's batches it tests.
+    let in_cell = local & 31u;
+    let place = CELL_SIZE * vec2<u32>(cell & 1u, cell >> 1u) + vec2<u32>(in_cell & 7u, in_cell >> 3u);
     let at = corner + vec2<i32>(place);
     let is_inside = all(at < frame.window.zw);
     let width = u32(frame.window.z - frame.window.x);
@@ -231,34 +231,34 @@ fn tile(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     slice = f32(chunk.from_slice);
     let row = (group.y * frame.tile_columns + group.x) * frame.mask_words;
     let summaries = (chunk.slot_count + 1024u * BATCH - 1u) / (1024u * BATCH);
-    var found = MaskPlace(NO_BATCH, 0u, 0u, 0u, 0u);
-    for (var step = 1u;; step++) {
-        found = next_batch(found, row, summaries);
-        if found.batch == NO_BATCH {
+    var mask_place = MaskPlace(NO_BATCH, 0u, 0u, 0u, 0u);
+    for (var number = 1u;; number++) {
+        mask_place = next_batch(mask_place, row, summaries);
+        if mask_place.batch == NO_BATCH {
             break;
         }
-        var batch = found.batch;
-        for (var k = 1u; k < STEP; k++) {
-            found = next_batch(found, row, summaries);
-            if k <= in_tile {
-                batch = found.batch;
+        var batch = mask_place.batch;
+        for (var k = 1u; k < ROUND; k++) {
+            mask_place = next_batch(mask_place, row, summaries);
+            if k <= cell {
+                batch = mask_place.batch;
             }
         }
-        let first_slot = batch * BATCH + STEP * in_patch;
-        var mine = 0u; // A bit for each of the invocation's splats that meets the tile.
+        let first_slot = batch * BATCH + ROUND * in_cell;
+        var hit_bits = 0u; // A bit for each of the invocation's splats that meets the tile.
         if batch != NO_BATCH {
-            for (var k = 0u; k < STEP; k += 2u) {
-                let two = boxes[(first_slot + k) / 2u];
-                mine |= select(0u, 1u, meets(two.x, two.y, corner)) << k;
-                mine |= select(0u, 2u, meets(two.z, two.w, corner)) << k;
+            for (var k = 0u; k < ROUND; k += 2u) {
+                let box_pair = boxes[(first_slot + k) / 2u];
+                hit_bits |= select(0u, 1u, meets(box_pair.x, box_pair.y, corner)) << k;
+                hit_bits |= select(0u, 2u, meets(box_pair.z, box_pair.w, corner)) << k;
             }
         }
-        let turn = step & 1u;
-        let word = turn * WORDS + local / 4u; // Four invocations share a word of `hits`.
+        let turn = number & 1u;
+        let word = turn * HIT_WORDS + local / 4u; // Four invocations share a word of `hits`.
         let shift = 8u * (local & 3u);
-        if mine != 0u {
-            atomicOr(&hits[word], mine << shift);
-            atomicAdd(&counts[turn * STEP + in_tile], countOneBits(mine));
+        if hit_bits != 0u {
+            atomicOr(&hits[word], hit_bits << shift);
+            atomicAdd(&counts[turn * ROUND + cell], countOneBits(hit_bits));
         }
         workgroupBarrier();
         // In visit order, the invocation's hits come after those of the invocations before it.
@@ -267,40 +267,41 @@ fn tile(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
             rank += countOneBits(atomicLoad(&hits[k]));
         }
         var count = 0u;
-        for (var k = 0u; k < STEP; k++) {
-            let here = atomicLoad(&counts[turn * STEP + k]);
-            rank += select(0u, here, k < in_tile);
-            count += here;
+        for (var k = 0u; k < ROUND; k++) {
+            let batch_hits = atomicLoad(&counts[turn * ROUND + k]);
+            rank += select(0u, batch_hits, k < cell);
+            count += batch_hits;
         }
         if local == 0u {
             state.hits = count;
         }
+        // All that store here store the same number.
         if is_inside && is_open(pixel) {
-            state.open_step = step;
+            state.open_round = number;
         }
-        if local < WORDS {
-            atomicStore(&hits[(1u - turn) * WORDS + local], 0u);
+        if local < HIT_WORDS {
+            atomicStore(&hits[(1u - turn) * HIT_WORDS + local], 0u);
         }
-        if local < STEP {
-            atomicStore(&counts[(1u - turn) * STEP + local], 0u);
+        if local < ROUND {
+            atomicStore(&counts[(1u - turn) * ROUND + local], 0u);
         }
-        list_slots(mine, first_slot, rank);
-        let now = workgroupUniformLoad(&state);
-        if now.open_step != step {
+        list_slots(hit_bits, first_slot, rank);
+        let round_state = workgroupUniformLoad(&state);
+        if round_state.open_round != number {
             break;
         }
-        for (var done = 0u; done < now.hits; done += BATCH) {
+        for (var done = 0u; done < round_state.hits; done += BATCH) {
             if done > 0u {
-                list_slots(mine, first_slot, rank - done);
+                list_slots(hit_bits, first_slot, rank - done);
                 workgroupBarrier();
             }
-            if local < now.hits - done {
+            if local < round_state.hits - done {
                 fetched[local] = splats[slots[local]];
-                note_patches(local, corner);
+                note_cells(local, corner);
             }
             workgroupBarrier();
             for (var w = 0u; w < FETCHED_WORDS; w++) {
-                var hit = atomicLoad(&patch_hits[in_tile * FETCHED_WORDS + w]);
+                var hit = atomicLoad(&cell_hits[cell * FETCHED_WORDS + w]);
                 while hit != 0u && is_open(pixel) {
                     let first = firstTrailingBit(hit);
                     hit &= hit - 1u;
@@ -311,8 +312,8 @@ fn tile(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
                 }
             }
             workgroupBarrier();
-            if local < PATCHES * FETCHED_WORDS {
-                atomicStore(&patch_hits[local], 0u);
+            if local < CELLS * FETCHED_WORDS {
+                atomicStore(&cell_hits[local], 0u);
             }
         }
     }
