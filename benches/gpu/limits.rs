@@ -13,7 +13,7 @@ use super::{quads, sort};
 
 /// Bytes of a line in the list, and of its end.
 const LINE: u64 = 4 + 4;
-/// Bytes of a splat that `bin` reads, and of the box that it writes.
+/// Bytes of a splat that `bin` reads (a card may fetch more of it), and of the box that it writes.
 const PLACE: u64 = 16;
 const BOX: u64 = 8;
 /// Bytes of a pixel of tiles.

@@ -81,7 +81,7 @@ fn dust_beside_a_solid_stays_within() {
     assert!(shows(&whole) && frame == whole);
 }
 
-/// Rows do not divide evenly among threads.
+/// Rows do not divide evenly among three threads; a smaller picture would have fewer.
 #[test]
 fn pixels_do_not_depend_on_threads() {
     let Some(opened) = own_device() else { return };

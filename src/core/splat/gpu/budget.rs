@@ -16,9 +16,10 @@ use crate::error::{Error, Result};
 /// Most records of a chunk: as many batches as the summary of a mask has bits for words.
 const MAX_SLOTS: u64 = (SUMMARY_WORDS * 32 * 32 * BATCH) as u64;
 /// Like `MAX_SLOTS`, on devices in software. Mesa's llvmpipe, before version 25, silently ends the loops of an
-/// invocation after 65,535 turns in all; a tile that half of these splats meet takes about 41,000. So masks of several
+/// invocation after 65,535 turns in all; a tile that all of these splats meet takes about 41,000. So masks of several
 /// words of summary are tested where there is a card only.
-const MAX_SLOTS_IN_SOFTWARE: u64 = 1 << 17;
+const MAX_SLOTS_OF_TILES_IN_SOFTWARE: u64 = 1 << 16;
+const MAX_SLOTS_OF_QUADS_IN_SOFTWARE: u64 = 1 << 17;
 const MIN_SLOTS: u64 = 1 << 16; // Fewest records of a chunk: the longest line.
 pub(super) const BOX_BYTES: u64 = 8; // Bytes of a splat's box, beside the splat.
 const PIXEL_BYTES: u64 = 16; // Bytes per pixel, in the accumulated pixels and again in the read-back buffer.
@@ -48,8 +49,8 @@ impl MemoryPlan {
         has_tiles: bool,
     ) -> Result<MemoryPlan> {
         let max_slots = match (is_software, has_tiles) {
-            (true, true) => MAX_SLOTS_IN_SOFTWARE / 2,
-            (true, false) => MAX_SLOTS_IN_SOFTWARE,
+            (true, true) => MAX_SLOTS_OF_TILES_IN_SOFTWARE,
+            (true, false) => MAX_SLOTS_OF_QUADS_IN_SOFTWARE,
             (false, _) => MAX_SLOTS,
         };
         let [columns, rows] = size.map(u64::from);

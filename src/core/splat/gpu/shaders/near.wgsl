@@ -3,7 +3,7 @@
 // Twin: tests/gpu/twin/near.rs
 
 // Whether splats may be of voxels near the eye. In software the test costs time (docs/studies/gpu.md).
-override HAS_NEAR: bool = true;
+override HAS_NEAR: bool;
 
 // The ray of a pixel.
 struct Ray {

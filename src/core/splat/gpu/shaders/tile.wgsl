@@ -25,7 +25,7 @@ const BACK_TO_FRONT: u32 = 1u;
 const ADDITIVE: u32 = 2u;
 const MAXIMUM: u32 = 3u;
 
-const CELL_SIZE: vec2<u32> = vec2<u32>(8u, 4u); // Columns and rows of pixels of a cell; a row of a tile has box_pair.
+const CELL_SIZE: vec2<u32> = vec2<u32>(8u, 4u); // Columns and rows of pixels of a cell; a row of a tile has two.
 const CELLS: u32 = 8u;
 const ROUND: u32 = 8u; // Batches of a round. An invocation tests as many boxes of one batch.
 const HIT_WORDS: u32 = 64u; // 32-bit words with a bit for each splat of a round.
