@@ -2,8 +2,9 @@
 // integrated along the pixel's ray. It stands between common.wgsl and the stage's own text. near.rs explains it.
 // Twin: tests/gpu/twin/near.rs
 
-// Whether splats may be of voxels near the eye. In software the test costs time (docs/studies/gpu.md).
-override HAS_NEAR: bool;
+// Whether splats may be of voxels near the eye. In software the test costs time (docs/studies/gpu.md). The study of order
+// keeps the default.
+override HAS_NEAR: bool = true;
 
 // The ray of a pixel.
 struct Ray {
