@@ -71,8 +71,8 @@ pub(crate) struct LaneSize {
 }
 
 impl LaneSize {
-    /// Returns how much a whole lane takes.
-    fn of_lane(lane: &Lane) -> LaneSize {
+    /// Returns how much a whole lane takes, with its line list.
+    pub(crate) fn of_lane(lane: &Lane) -> LaneSize {
         let lines = line_count(lane);
         let bytes = lane.bytes() + LINE_BYTES * lines;
         LaneSize { bytes, records: lane.record_count(), lines, tiles: lane.tiles.len() as u64 }

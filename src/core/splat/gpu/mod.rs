@@ -43,7 +43,7 @@ use self::budget::MemoryPlan;
 use self::buffers::FrameBuffers;
 use self::context::MAX_BINDING;
 use self::draw::{FrameOutput, Part};
-use self::lines::{LINE_BYTES, LaneSize, LineList, line_count, list_key};
+use self::lines::{LaneSize, LineList, list_key};
 use self::looks::{LookBuffers, LookTables};
 use self::probe::ProbeCallback;
 pub use self::resident::Resident;
@@ -105,8 +105,8 @@ impl GpuOptions {
     /// Returns whether a device can hold all of a lane beside another one, so that their channels need not be in memory.
     pub fn holds(&self, lane: &Lane) -> bool {
         let widest = lane.channels.widths().into_iter().max().unwrap_or(1) as u64;
-        let bytes = lane.bytes() + LINE_BYTES * line_count(lane);
-        bytes <= self.lane_bytes() / 2 && lane.record_count().saturating_mul(widest) <= MAX_BINDING
+        LaneSize::of_lane(lane).bytes <= self.lane_bytes() / 2
+            && lane.record_count().saturating_mul(widest) <= MAX_BINDING
     }
 
     /// Most bytes that such lanes take together; frames need the rest.

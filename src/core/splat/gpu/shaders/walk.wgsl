@@ -49,8 +49,13 @@ fn line_end(line: u32) -> u32 {
     return (line_ends[line >> 1u] >> (16u * (line & 1u))) & 0xffffu;
 }
 
+// Returns the step of a record from the word of `steps` that holds it.
+fn step_in(word: u32, record: u32) -> i32 {
+    return i32((word >> (8u * (record & 3u))) & 0xffu);
+}
+
 fn step_byte(record: u32) -> i32 {
-    return i32((steps[record >> 2u] >> (8u * (record & 3u))) & 0xffu);
+    return step_in(steps[record >> 2u], record);
 }
 
 fn coverage_code(record: u32) -> u32 {
@@ -128,7 +133,7 @@ fn walk(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
             if k == 0u || (record & 3u) == 0u {
                 word = steps[record >> 2u];
             }
-            let step = i32((word >> (8u * (record & 3u))) & 0xffu);
+            let step = step_in(word, record);
             at += distance(step);
             write_voxel(select(first_slot + k, last_slot - k, frame.fast_order == DESCENDING), at, line, record, step);
         }
