@@ -1,7 +1,7 @@
-//! Runs work on several threads and delivers the results in order.
+//! Runs work on several threads. The outcome does not depend on their number: results come in item order.
 //!
-//! The caller's thread consumes the results in item order, so the outcome does not depend on the number of threads.
-//! Workers are at most two items per thread ahead of the caller's thread, which bounds memory.
+//! [`in_order`] lets the caller's thread consume results while others work. Workers are at most two items per thread ahead of
+//! it, which bounds memory. [`on_each`] and [`in_parts`] work in place, and the caller's thread works too.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -70,16 +70,45 @@ pub fn in_order<S, T: Send>(
 }
 
 /// Passes parts of `rows`, whole rows of `len` items, to `fill` on up to `threads` threads, after the index of their first
-/// row. The caller's thread takes the first part.
+/// row.
 pub(crate) fn in_parts<T: Send>(rows: &mut [T], len: usize, threads: usize, fill: impl Fn(usize, &mut [T]) + Sync) {
     let each = (rows.len() / len).div_ceil(threads.max(1)).max(1);
-    let fill = &fill;
-    std::thread::scope(|scope| {
-        let mut parts = (0..).step_by(each).zip(rows.chunks_mut(each * len));
-        let first = parts.next();
-        for (from, part) in parts {
-            scope.spawn(move || fill(from, part));
+    let parts = (0..).step_by(each).zip(rows.chunks_mut(each * len));
+    on_each(parts, threads, || (), |(), (from, part)| fill(from, part));
+}
+
+/// Calls `work` with each of `items` on up to `threads` threads, the caller's thread among them. Returns the results in item order.
+///
+/// Each thread creates its own buffer with `scratch`, passes it to every call of `work`, and takes the next item when it is done
+/// with one.
+///
+/// # Panics
+/// If `work` panics.
+pub(crate) fn on_each<S, T: Send, R: Send>(
+    items: impl Iterator<Item = T>,
+    threads: usize,
+    scratch: impl Fn() -> S + Sync,
+    work: impl Fn(&mut S, T) -> R + Sync,
+) -> Vec<R> {
+    let items: Vec<T> = items.collect();
+    let count = items.len();
+    let items = Mutex::new(items.into_iter().enumerate());
+    let next = || items.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let run = || {
+        let (mut scratch, mut results) = (scratch(), Vec::new());
+        while let Some((index, item)) = next() {
+            results.push((index, work(&mut scratch, item)));
         }
-        first.into_iter().for_each(|(from, part)| fill(from, part));
+        results
+    };
+    let mut results = std::thread::scope(|scope| {
+        let others: Vec<_> = (1..threads.min(count)).map(|_| scope.spawn(run)).collect();
+        let mut results = run();
+        for other in others {
+            results.extend(other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        }
+        results
     });
+    results.sort_unstable_by_key(|(index, _)| *index);
+    results.into_iter().map(|(_, result)| result).collect()
 }

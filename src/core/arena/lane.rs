@@ -343,6 +343,22 @@ impl<'a> Lane<'a> {
         })
     }
 
+    /// Returns the coordinates on the lane's axis of the first and the last voxel of the line with `records` for which `counts`, which
+    /// gets a coordinate and a record index, is true; `None` if there is none. From its ends on, a line is read up to these voxels.
+    pub(crate) fn line_extent(&self, records: Range<usize>, counts: impl Fn(u32, usize) -> bool) -> Option<[u32; 2]> {
+        let (first, _) = self.line_voxels(records.clone()).find(|&(x, record)| counts(x, record))?;
+        let steps = self.steps_of(records.clone());
+        let far = |step: u8| if step == 0 { STEPPING } else { u32::from(step) };
+        let mut position = steps.iter().fold(0u32, |position, &step| position.wrapping_add(far(step)));
+        let voxels = steps.iter().zip(records).rev().filter_map(|(&step, record)| {
+            let x = position.wrapping_sub(1);
+            position = position.wrapping_sub(far(step));
+            (step != 0).then_some((x, record))
+        });
+        let mut counted = voxels.filter(|&(x, record)| counts(x, record));
+        Some([first, counted.next().map_or(first, |(x, _)| x)])
+    }
+
     /// Returns all codes of `record`; 0 past the last record and for channels that are not stored.
     #[inline(always)]
     pub fn record(&self, record: usize) -> Record {

@@ -101,28 +101,33 @@ impl<'a> Outline<'a> {
         reached + cell + (self.frame.origin - self.centre).dot(direction)
     }
 
-    /// Returns the largest `farthest` of a voxel. Lines are read of those tiles only whose boxes reach farther than
-    /// the voxels found so far, first of the one that reaches farthest: O(tiles).
+    /// Returns the largest `farthest` of a voxel. Only those lines are read whose boxes reach farther than the voxels found so far,
+    /// first those of the tile that reaches farthest: O(tiles).
     fn farthest_voxel(&self, at: [u16; 3], lane: &Lane, farthest: &dyn Fn(&VoxelBox) -> f64) -> f64 {
-        let bound = |tile: &TileRecord| self.inside(&moved(tile_bounds(lane, tile), at)).map(|part| farthest(&part));
-        let in_tile = |tile: &TileRecord| {
-            let lines = lane.tile_lines(tile, u64::MAX);
-            let ends = lines.filter(|line| line.records.len() <= lane.dims[0] as usize).filter_map(|line| {
-                let voxel = |x: u32| {
-                    let place = [x, line.u, line.v].map(|c| u16::try_from(c).unwrap_or(u16::MAX));
-                    moved(VoxelBox { low: place, high: place }, at)
+        let in_tile = |reached: f64, tile: &TileRecord| {
+            let (bounds, most) = (tile_bounds(lane, tile), lane.dims[0] as usize);
+            let lines = lane.tile_lines(tile, u64::MAX).filter(|line| line.records.len() <= most);
+            lines.fold(reached, |reached, line| {
+                let part = |[low, high]: [u16; 2]| {
+                    let [y, z] = [line.u, line.v].map(|c| u16::try_from(c).unwrap_or(u16::MAX));
+                    moved(VoxelBox { low: [low, y, z], high: [high, y, z] }, at)
                 };
-                let in_box = |&(x, record): &(u32, usize)| lane.shows(record) && self.inside(&voxel(x)).is_some();
-                let mut voxels = lane.line_voxels(line.records.clone()).filter(in_box).map(|(x, _)| x);
-                let first = voxels.next()?;
-                Some(farthest(&around(voxel(first), voxel(voxels.last().unwrap_or(first)))))
-            });
-            ends.fold(f64::NEG_INFINITY, f64::max)
+                let bound = self.inside(&part([bounds.low[0], bounds.high[0]])).map(|part| farthest(&part));
+                if bound.is_none_or(|bound| bound <= reached) {
+                    return reached;
+                }
+                let ends = |x: u32| [u16::try_from(x).unwrap_or(u16::MAX); 2];
+                let counts = |x, record| lane.shows(record) && self.inside(&part(ends(x))).is_some();
+                let extent = lane.line_extent(line.records, counts);
+                extent.map_or(reached, |[first, last]| reached.max(farthest(&part([ends(first)[0], ends(last)[0]]))))
+            })
         };
-        let bounded = lane.sweep_tiles().filter_map(|tile| Some((bound(tile)?, tile)));
+        let of_tile = |tile| self.inside(&moved(tile_bounds(lane, tile), at)).map(|part| farthest(&part));
+        let bounded = lane.sweep_tiles().filter_map(|tile| Some((of_tile(tile)?, tile)));
         let Some((_, first)) = bounded.max_by(|(a, _), (b, _)| a.total_cmp(b)) else { return f64::NEG_INFINITY };
-        lane.sweep_tiles().fold(in_tile(first), |reached, tile| {
-            if bound(tile).is_some_and(|bound| bound > reached) { reached.max(in_tile(tile)) } else { reached }
+        lane.sweep_tiles().fold(in_tile(f64::NEG_INFINITY, first), |reached, tile| match of_tile(tile) {
+            Some(bound) if bound > reached => in_tile(reached, tile),
+            _ => reached,
         })
     }
 

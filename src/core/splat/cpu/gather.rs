@@ -32,7 +32,7 @@ use super::scan_line::{OneWay, ends, same};
 use super::slab::{Line, Slab};
 use super::spans::Spans;
 use super::stamps::Stamps;
-use super::task::{BandResult, BandStats, DrawTask};
+use super::task::{BandStats, DrawTask};
 use super::tile_buffer::{Rect, TILE, TileBuffer};
 use super::tile_composite::Weights;
 use crate::error::Result;
@@ -42,13 +42,14 @@ use crate::traverse::{Batch, Visitor, VoxelBox};
 /// Slack of rounded bounds, in voxels or pixels of the plane.
 const SLACK: f64 = 1e-3;
 
-/// Draws the rows of tiles from `first` to before `end`; `shown` tells which tiles of the plane the picture may show.
+/// Draws the rows of tiles from `first` to before `end`; `shown` tells which tiles of the plane the picture may show. The band then
+/// has their pixels.
 pub(super) fn draw<B: Blend>(
     task: &DrawTask,
     band: &mut Band<B>,
     shown: &[bool],
     [first, end]: [i32; 2],
-) -> Result<BandResult> {
+) -> Result<BandStats> {
     band.begin(shown, [first, end])?;
     let mut painter = LatticePainter { task, band };
     let mut stats = task.walk(&mut painter);
@@ -56,9 +57,7 @@ pub(super) fn draw<B: Blend>(
     dispatch::flush_lattice(band.code, &task.projector, band);
     dispatch::take_all(band.code, &task.projector, band);
     stats.drawing += start.elapsed();
-    // Nothing is drawn before the next band begins, which has its own pixels.
-    let pixels = std::mem::replace(&mut band.pixels, TileBuffer::new(NO_PIXELS, 0.0)?);
-    Ok(BandResult { pixels, stats: BandStats { drawn: band.drawn, ..stats } })
+    Ok(BandStats { drawn: band.drawn, ..stats })
 }
 
 /// The smallest rectangle.
@@ -112,7 +111,7 @@ pub(super) struct Band<'a, B> {
     /// Number of columns and rows of tiles.
     columns: usize,
     rows: usize,
-    pixels: TileBuffer,
+    pub(super) pixels: TileBuffer,
     /// For each tile: whether it may still change.
     open: BitRows,
     slow: Option<u16>,
@@ -185,7 +184,7 @@ impl<'a, B: Blend> Band<'a, B> {
             first_row: 0,
             columns,
             rows,
-            pixels: TileBuffer::new(NO_PIXELS, 0.0)?,
+            pixels: TileBuffer::new(NO_PIXELS, B::INITIAL_ALPHA)?,
             open: BitRows::new(columns, rows),
             slow: None,
             slice: Slice::NONE,
@@ -213,7 +212,7 @@ impl<'a, B: Blend> Band<'a, B> {
         let columns = self.columns;
         (self.first_row, self.rows) = (first, (end - first) as usize);
         let rect = Rect { x0: 0, y0: first << TILE, x1: (columns << TILE) as i32, y1: end << TILE };
-        self.pixels = TileBuffer::new(rect, B::INITIAL_ALPHA)?;
+        self.pixels.restart(rect)?;
         self.open.clear_all();
         for (tile, _) in shown[columns * first as usize..columns * end as usize].iter().enumerate().filter(|(_, s)| **s)
         {

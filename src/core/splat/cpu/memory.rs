@@ -83,10 +83,9 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settin
     let drawing = match canvas {
         Canvas::Picture => bands(size),
         Canvas::Lattice { size: plane, kept } => {
-            let [columns, halves] = [u64::from(plane[0]), u64::from(kept != plane)];
+            let columns = u64::from(plane[0]);
             let kept = kept.into_iter().map(u64::from).product::<u64>();
-            // At most two bands a thread wait to be put into the frame; before one is halved, it is copied.
-            let band_columns = (2 * threads + 1 + halves) * BAND_COLUMN + threads * LISTS_COLUMN;
+            let band_columns = threads * (BAND_COLUMN + LISTS_COLUMN);
             // Very faint voxels are drawn on the picture.
             let slabs = threads * (SLAB + SLAB_POINT * longest);
             (LATTICE_PIXEL * kept + band_columns * (columns + PADDING[0]) + slabs).max(bands(size))

@@ -15,11 +15,11 @@ use super::project::Projector;
 use super::task_visitor::TaskVisitor;
 use super::tile_buffer::{Rect, TILE, TileBuffer};
 use super::visible::VisibleRecords;
-use super::warp::{halve_rows, halved};
+use super::warp::halved;
 use super::{band, dispatch, gather, maximum, plain};
 use crate::arena::RecordSet;
 use crate::error::Result;
-use crate::parallel::in_order;
+use crate::parallel::on_each;
 use crate::splat::composite::{Blending, Table};
 use crate::splat::setup::FrameSetup;
 use crate::splat::view::{PixelMap, View};
@@ -133,38 +133,23 @@ impl<'a> DrawTask<'a> {
         let looks = LookTables::new(&self.projector, lattice.tile([0, 0]).strength);
         let tables = (looks.as_ref(), footprints.as_ref());
         let (mut frame, mut stats) = (Frame::transparent(lattice.kept())?, BandStats::default());
-        let mut whole = Vec::new();
         let level = dispatch::level(settings.code);
-        let draw = |band: &mut _, index: usize| {
+        let is_halved = lattice.low_pass.halvings > 0;
+        let [columns, kept_rows] = [frame.size()[0] as usize, (each << TILE) >> u32::from(is_halved)];
+        let draw = |band: &mut _, (index, kept): (usize, &mut [[f32; 4]])| {
             let rows = [each * index, rows.min(each * (index + 1))].map(|row| row as i32);
-            gather::draw::<B>(self, Band::of(band, self, lattice, tables, each)?, &shown, rows)
+            let band = Band::of(band, self, lattice, tables, each)?;
+            let stats = gather::draw::<B>(self, band, &shown, rows)?;
+            fearless_simd::dispatch!(level, simd => match is_halved {
+                true => band.pixels.put_halved(simd, transmits, kept, columns),
+                false => band.pixels.put(simd, transmits, kept, columns),
+            });
+            Ok(stats)
         };
-        in_order(
-            rows.div_ceil(each),
-            settings.threads,
-            || None,
-            draw,
-            |_, band| {
-                let (columns, rect) = (lattice.size[0] as usize, band.pixels.rect);
-                let [from, to] = [rect.y0, rect.y1].map(|row| row.unsigned_abs() as usize);
-                let pixels = frame.pixels_mut().as_chunks_mut().0;
-                if lattice.low_pass.halvings == 0 {
-                    let rows = &mut pixels[columns * from..];
-                    fearless_simd::dispatch!(level, simd => band.pixels.put(simd, transmits, rows, columns));
-                } else {
-                    // Tiles on which nothing was drawn are not put.
-                    whole.clear();
-                    whole.resize(columns * (to - from), [0.0; 4]);
-                    fearless_simd::dispatch!(level, simd => band.pixels.put(simd, transmits, &mut whole, columns));
-                    let halved = pixels.chunks_exact_mut(columns / 2).skip(from / 2);
-                    for (pair, row) in whole.chunks_exact(2 * columns).zip(halved) {
-                        halve_rows(pair, columns, row);
-                    }
-                }
-                stats.add(&band.stats);
-                Ok(())
-            },
-        )?;
+        let bands = frame.pixels_mut().as_chunks_mut().0.chunks_mut(columns * kept_rows).enumerate();
+        for band in on_each(bands, settings.threads, || None, draw) {
+            stats.add(&band?);
+        }
         stats.bands = settings.threads.min(rows.div_ceil(each));
         Ok((frame, stats))
     }
@@ -201,13 +186,8 @@ impl<'a> DrawTask<'a> {
             let (low, high) = (borders[band], borders[band + 1]);
             draw(if by_rows { Rect { y0: low, y1: high, ..full } } else { Rect { x0: low, x1: high, ..full } })
         };
-        let (count, mut bands) = (borders.len() - 1, Vec::new());
-        let mut take = |_, band| {
-            bands.push(band);
-            Ok(())
-        };
-        in_order(count, count, || (), draw_band, &mut take)?;
-        Ok(bands)
+        let count = borders.len() - 1;
+        on_each(0..count, count, || (), draw_band).into_iter().collect()
     }
 
     /// Returns whether the lane's lines are rather horizontal in the picture: bands of rows then cut the fewest tiles.

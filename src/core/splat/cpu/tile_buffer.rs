@@ -39,6 +39,16 @@ pub struct Rect {
 #[repr(C, align(64))]
 pub(super) struct PixelTile(pub(super) [[f32; TILE_PIXELS]; 4]);
 
+impl PixelTile {
+    /// Returns the reds, greens, blues and opacities of row `y`, where alpha may be a transmittance.
+    #[inline(always)]
+    fn row<S: Simd>(&self, simd: S, y: usize, transmits: bool) -> [f32x4<S>; 4] {
+        let [red, green, blue, alpha] =
+            self.0.each_ref().map(|plane| f32x4::from_slice(simd, &plane[y << TILE..(y + 1) << TILE]));
+        [red, green, blue, if transmits { 1.0 - alpha } else { alpha }]
+    }
+}
+
 /// State of a tile on which nothing was drawn yet.
 const FRESH: u8 = 0;
 /// State of a tile of which some pixel may still change.
@@ -54,6 +64,7 @@ pub struct TileBuffer {
     initial_alpha: f32,
     /// Number of tiles from the start of one row of tiles to the next in `tiles`.
     pitch: usize,
+    /// Those that are fresh hold anything.
     tiles: Box<[PixelTile]>,
     /// The state of each tile.
     states: Vec<u8>,
@@ -64,13 +75,26 @@ pub struct TileBuffer {
 impl TileBuffer {
     /// Creates the pixels of `rect`, which is not empty, with colours 0 and alphas `initial_alpha`.
     pub(super) fn new(rect: Rect, initial_alpha: f32) -> Result<TileBuffer> {
+        let (tiles, states, open) = (Box::default(), Vec::new(), BitRows::default());
+        let mut buffer = TileBuffer { rect, initial_alpha, pitch: 0, tiles, states, open };
+        buffer.restart(rect)?;
+        Ok(buffer)
+    }
+
+    /// Makes these the pixels of another rectangle, all fresh. Allocates memory only if there is too little.
+    pub(super) fn restart(&mut self, rect: Rect) -> Result<()> {
         let tiles_along = |low: i32, high: i32| usize::try_from(((high - 1) >> TILE) - (low >> TILE) + 1).unwrap_or(0);
         let (columns, rows) = (tiles_along(rect.x0, rect.x1), tiles_along(rect.y0, rect.y1));
-        let pitch = pitch_for(columns);
-        let tiles = zeroed((pitch * rows) as u64)?;
-        let mut open = BitRows::new(columns, rows);
-        (0..rows).for_each(|row| open.set(row, [0, columns - 1]));
-        Ok(TileBuffer { rect, initial_alpha, pitch, states: vec![FRESH; tiles.len()], tiles, open })
+        (self.rect, self.pitch) = (rect, pitch_for(columns));
+        let count = self.pitch * rows;
+        if self.tiles.len() < count {
+            self.tiles = zeroed(count as u64)?;
+        }
+        self.states.clear();
+        self.states.resize(count, FRESH);
+        self.open = BitRows::new(columns, rows);
+        (0..rows).for_each(|row| self.open.set(row, [0, columns - 1]));
+        Ok(())
     }
 
     /// Returns the index of the tile in `column` and `row` of the picture's grid, which meets the rectangle.
@@ -91,10 +115,11 @@ impl TileBuffer {
         Some((index, &mut self.tiles[index]))
     }
 
-    /// Sets the initial alpha of a fresh tile's pixels. Outside the rectangle it stays 0, so that the tile can freeze.
+    /// Sets the colours and the initial alpha of a fresh tile's pixels. Outside the rectangle alpha is 0, so that the tile can freeze.
     #[inline(never)]
     fn open(&mut self, index: usize, column: i32, row: i32) {
         let (x0, y0) = (column << TILE, row << TILE);
+        self.tiles[index] = PixelTile::zeroed();
         for (i, alpha) in (0..).zip(&mut self.tiles[index].0[3]) {
             let (x, y) = (x0 + (i & 3), y0 + (i >> TILE));
             let inside = (self.rect.x0..self.rect.x1).contains(&x) && (self.rect.y0..self.rect.y1).contains(&y);
@@ -116,7 +141,9 @@ impl TileBuffer {
         let Rect { x0, y0, x1, y1 } = self.rect;
         for row in y0 >> TILE..=(y1 - 1) >> TILE {
             for column in (x0 >> TILE..=(x1 - 1) >> TILE).filter(|column| chosen(*column, row)) {
-                self.freeze(self.index(column, row), column, row);
+                let index = self.index(column, row);
+                self.tiles[index] = PixelTile::zeroed();
+                self.freeze(index, column, row);
             }
         }
     }
@@ -130,9 +157,9 @@ impl TileBuffer {
         !self.open.any_in(rows, columns)
     }
 
-    /// Returns the number of tiles for which there is memory.
+    /// Returns the number of tiles, with what pads their rows.
     pub(super) fn len(&self) -> usize {
-        self.tiles.len()
+        self.states.len()
     }
 
     /// Returns the values of pixel (`x`, `y`), which lies in the rectangle.
@@ -173,14 +200,49 @@ impl TileBuffer {
     /// has these rows and columns, in whole tiles. If alpha `transmits` (is a transmittance), it is turned into an opacity.
     #[inline(always)]
     pub(super) fn put<S: Simd>(&self, simd: S, transmits: bool, pixels: &mut [[f32; 4]], columns: usize) {
-        let rows = self.tiles.chunks_exact(self.pitch).zip(self.states.chunks_exact(self.pitch));
-        for (pixels, (tiles, states)) in pixels.chunks_exact_mut(columns << TILE).zip(rows) {
-            for (column, (tile, _)) in tiles.iter().zip(states).enumerate().filter(|(_, (_, state))| **state != FRESH) {
+        for (row, pixels) in pixels.chunks_exact_mut(columns << TILE).enumerate() {
+            for (column, tile) in self.drawn_tiles(row) {
                 for (y, row) in pixels.chunks_exact_mut(columns).enumerate() {
-                    let load = |plane: usize| f32x4::from_slice(simd, &tile.0[plane][y << TILE..(y + 1) << TILE]);
-                    let alpha = if transmits { 1.0 - load(3) } else { load(3) };
-                    let values = [load(0), load(1), load(2), alpha];
+                    let values = tile.row(simd, y, transmits);
                     f32x4::store_four_interleaved(values, row[column << TILE..(column + 1) << TILE].as_flattened_mut());
+                }
+            }
+        }
+    }
+
+    /// Writes what [`TileBuffer::put`] writes to a plane of half the columns and rows: the means of two by two pixels. Here `columns`
+    /// is the number of columns of that plane.
+    #[inline(always)]
+    pub(super) fn put_halved<S: Simd>(&self, simd: S, transmits: bool, pixels: &mut [[f32; 4]], columns: usize) {
+        const SIDE: usize = 1 << (TILE - 1);
+        for (row, pixels) in pixels.chunks_exact_mut(columns * SIDE).enumerate() {
+            for (column, tile) in self.drawn_tiles(row) {
+                for (y, row) in pixels.chunks_exact_mut(columns).enumerate() {
+                    let mut lines = [[[0.0; 4]; 1 << TILE]; 2];
+                    for (line, y) in lines.iter_mut().zip(2 * y..) {
+                        f32x4::store_four_interleaved(tile.row(simd, y, transmits), line.as_flattened_mut());
+                    }
+                    halve_rows(lines.as_flattened(), 1 << TILE, &mut row[column * SIDE..(column + 1) * SIDE]);
+                }
+            }
+        }
+    }
+
+    /// Returns those tiles of a row on which something was drawn, each with its column.
+    fn drawn_tiles(&self, row: usize) -> impl Iterator<Item = (usize, &PixelTile)> {
+        let row = row * self.pitch..(row + 1) * self.pitch;
+        let tiles = self.tiles[row.clone()].iter().zip(&self.states[row]).enumerate();
+        tiles.filter(|(_, (_, state))| **state != FRESH).map(|(column, (tile, _))| (column, tile))
+    }
+}
+
+/// Adds the means of two by two pixels to a row of zeroes; `pixels` begin with two rows of `columns`, or with one at the edge.
+pub(super) fn halve_rows(pixels: &[[f32; 4]], columns: usize, row: &mut [[f32; 4]]) {
+    for line in pixels.chunks_exact(columns).take(2) {
+        for (pixel, pair) in row.iter_mut().zip(line.chunks(2)) {
+            for part in pair {
+                for c in 0..4 {
+                    pixel[c] += 0.25 * part[c];
                 }
             }
         }

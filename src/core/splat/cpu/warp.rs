@@ -18,6 +18,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x4, f32x16, f64x8, i32x16};
 
 use super::lattice::{Lattice, LowPass};
+use super::tile_buffer::halve_rows;
 use crate::error::Result;
 use crate::parallel::in_parts;
 use crate::splat::Frame;
@@ -94,19 +95,6 @@ pub(super) fn halved(plane: &Frame, threads: usize) -> Result<Frame> {
     let rows = plane.pixels().as_chunks().0;
     halved.fill_rows(threads, |y, row| halve_rows(&rows[2 * y * columns..], columns, row));
     Ok(halved)
-}
-
-/// Adds the means of two by two pixels to a row of zeroes; `pixels` begin with two rows of `columns`, or with one at the edge.
-pub(super) fn halve_rows(pixels: &[[f32; 4]], columns: usize, row: &mut [[f32; 4]]) {
-    for line in pixels.chunks_exact(columns).take(2) {
-        for (pixel, pair) in row.iter_mut().zip(line.chunks(2)) {
-            for part in pair {
-                for c in 0..4 {
-                    pixel[c] += 0.25 * part[c];
-                }
-            }
-        }
-    }
 }
 
 /// Which pixels of a plane something was drawn on.
