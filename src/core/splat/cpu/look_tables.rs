@@ -62,16 +62,24 @@ impl LookTables {
     /// Computes the colours and depths of voxels that are wholly visible.
     #[inline(always)]
     fn colour_whole(&self, projector: &Projector, records: &[usize], looks: &mut [[f32; 4]]) {
+        let mut values = [0u8; BLOCK];
+        for (value, &record) in values.iter_mut().zip(records) {
+            *value = projector.short_value(record);
+        }
         match &self.light {
             None => {
-                for (look, &record) in looks.iter_mut().zip(records) {
-                    *look = self.looks[usize::from(projector.short_value(record))];
+                for (look, &value) in looks.iter_mut().zip(&values) {
+                    *look = self.looks[usize::from(value)];
                 }
             }
             Some(light) => {
-                for (look, &record) in looks.iter_mut().zip(records) {
-                    let unlit = self.looks[usize::from(projector.short_value(record))];
-                    let [factor, highlight] = light[usize::from(projector.short_normal(record))];
+                let mut normals = [0u16; BLOCK];
+                for (normal, &record) in normals.iter_mut().zip(records) {
+                    *normal = projector.short_normal(record);
+                }
+                for ((look, &value), &normal) in looks.iter_mut().zip(&values).zip(&normals) {
+                    let unlit = self.looks[usize::from(value)];
+                    let [factor, highlight] = light[usize::from(normal)];
                     // The depth goes through the same vector instructions as the colours.
                     let lit = unlit.map(|part| part * factor + highlight);
                     *look = [lit[0], lit[1], lit[2], unlit[3]];
