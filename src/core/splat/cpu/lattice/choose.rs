@@ -1,0 +1,343 @@
+//! Chooses the lattice of a view, or none: how many pixels it has, and how its picture is filtered.
+//!
+//! In: a view of the voxels in a box, the order of its walk, and settings. Out: a [`Lattice`].
+
+use glam::{DMat3, DVec3};
+
+use super::{Lattice, LowPass, Rays};
+use crate::splat::kernel::{KernelShape, LOW_PASS};
+use crate::splat::supersample::sigma_at_centre;
+use crate::splat::view::{MAX_SIZE, PixelMap, View};
+use crate::splat::{Blending, Mode, Sampling, Settings};
+use crate::traverse::{Order, Sense, Viewpoint, VoxelBox};
+
+/// Width of the plane's margin around the voxels, in its pixels after halving, so that the voxels' edge is interpolated
+/// correctly.
+const MARGIN: f64 = 6.0;
+/// A plane is worthwhile if it has at most so many pixels for each pixel of the picture (over the same area).
+const MAX_PIXELS: f64 = 6.5;
+/// If a wide low-pass follows, it is also worthwhile if at most so many of its pixels are kept for the warp. They take 44 MiB.
+const FEW_PIXELS: f64 = 2_097_152.0;
+/// Standard deviation of the low-pass in the picture's middle, along columns and along rows of the plane, above which the
+/// plane is halved first; in the plane's pixels.
+const WIDE: f64 = 1.4;
+/// Smallest one at which the pixels lie so near to each other that none is missed.
+const NARROW: f64 = 0.62;
+/// Largest standard deviation toward the picture's corners, unless it is a draft: the warp takes four pixels on each side.
+const WIDEST: f64 = 3.0;
+/// Least distance from the eye to the nearest slice, in voxels: nearer slices are seen under too many angles.
+const NEAREST: f64 = 8.0;
+
+/// Pixels of the plane per standard deviation of the kernel, where the picture shows all detail of matter that is not opaque:
+/// for [`Sampling::Enough`] and [`Sampling::Fewest`]. Measured: docs/studies/sampling.md.
+const WIDE_VOXELS: [f64; 2] = [0.93, 0.62];
+/// The same where voxels are small.
+const SMALL_VOXELS: f64 = 0.7;
+/// The same where they are small and lie beside the points of the grid, as those of levels (docs/studies/levels.md).
+const SMALL_VOXELS_BESIDE: f64 = 0.4;
+/// The most pixels of the plane that are worthwhile per pixel of the picture, along a side, unless voxels are small.
+const PER_PIXEL: f64 = 1.35;
+/// The same where a filter follows and voxels are opaque, as their edges are finer than the filter; and the sharpness from
+/// which on they are.
+const PER_FILTERED_PIXEL: f64 = 1.6;
+const SHARP: f64 = 1.3;
+/// Slices are in phase if a ray moves by a whole number of voxels per slice, up to this many voxels: along an axis, and along
+/// diagonals. All slices then have pixels at the same places beside their voxels, and errors add up instead of averaging out,
+/// unless voxels are small.
+const IN_PHASE: f64 = 0.05;
+/// How many times as many voxels a tile may have one way as the other, if they lie on points of the grid. With twice as many, opaque
+/// labels of unlike spacings were 3 dB farther from `reference` (frog at 400 x 400, azimuth 50, elevation 20: 43.8 instead of 47.2).
+const LONGEST: f64 = 1.5;
+/// The same in a perspective, which may run along an axis in its middle: there 1.5 lost 1.6 dB (azimuth 90, elevation 0).
+const LONGEST_FAR: f64 = 1.25;
+/// Distance between voxels, in pixels of the picture, up to which the picture shows no such edges.
+const SMALL_STEP: f64 = 0.76;
+/// Least distance between voxels, in pixels of the picture, at which a perspective x-ray is drawn on a plane: nothing
+/// hides a voxel there, and smaller footprints are drawn faster on the picture's own pixels.
+const LEAST_SUMMED_STEP: f64 = 1.5;
+
+impl Lattice {
+    /// Returns the lattice of a view of the voxels in `bounds`; `deepest` is the largest optical depth of any of them,
+    /// along a ray as long as the mean voxel spacing.
+    ///
+    /// `None` if `settings` ask for other samples, another mode or another direction, if `order` is not the view's own,
+    /// if the eye is among or near the slices, or if the plane would have to be too large.
+    pub(in super::super) fn new(
+        view: &View,
+        order: &Order,
+        bounds: &VoxelBox,
+        deepest: impl FnOnce() -> f64,
+        settings: &Settings,
+    ) -> Option<Lattice> {
+        let wide = match settings.sampling() {
+            Sampling::EveryPixel | Sampling::Finer => return None,
+            Sampling::Enough => WIDE_VOXELS[0],
+            Sampling::Fewest => WIDE_VOXELS[1],
+        };
+        let is_drawn = match settings.mode {
+            Mode::Composite => settings.sense == Sense::FrontToBack && settings.blending == Blending::Exponential,
+            Mode::Additive => settings.blending == Blending::Exponential,
+            Mode::Maximum | Mode::MaximumGrey => false,
+        };
+        if !is_drawn {
+            return None;
+        }
+        let kernel = settings.kernel();
+        let sigma = f64::from(kernel.sigma);
+        // The edge of what is opaque rises faster than its footprint; a picture of small voxels shows no such edges.
+        let peak = deepest() / (std::f64::consts::TAU * sigma * sigma);
+        let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
+        let width = f64::from(sigma_at_centre(view, bounds, settings));
+        let is_fine = sharpness > SHARP && width < f64::from(LOW_PASS) && settings.sampling() == Sampling::Enough;
+        let per_pixel = if is_fine { PER_FILTERED_PIXEL } else { PER_PIXEL };
+        // An overexposed x-ray shows where sums begin, far out on the kernels.
+        if settings.mode == Mode::Additive && sharpness > 1.0 {
+            return None;
+        }
+        let samples = move |step: f64, least: f64| (wide * sharpness).min(least.max(per_pixel * step * sigma));
+        let small = if view.margin > 0.0 { SMALL_VOXELS_BESIDE } else { SMALL_VOXELS };
+        let choose = |step: f64| samples(step, small) / sigma;
+        let choose_far = |step: f64| samples(step, 0.0) / sigma;
+        let nested = [order.slow.index(), order.fast.index(), order.medium.index()];
+        let extent = BoxExtent::new(bounds, nested, kernel);
+        let plane = match &view.map {
+            PixelMap::Parallel { .. } => {
+                let in_phase = if settings.sampling() == Sampling::Enough { 2.0 } else { 32.0 };
+                parallel(view, nested, &extent, choose, in_phase, kernel, width)?
+            }
+            PixelMap::Perspective { .. } => {
+                if settings.mode == Mode::Additive && width < LEAST_SUMMED_STEP * sigma {
+                    return None;
+                }
+                let widest = if settings.sampling() == Sampling::Enough { WIDEST } else { f64::INFINITY };
+                perspective(view, [width, widest], nested, &extent, [&choose, &choose_far], kernel)?
+            }
+        };
+        let pixels = |size: [u32; 2]| f64::from(size[0]) * f64::from(size[1]);
+        let is_small = match plane.low_pass.is_wide {
+            true => pixels(plane.kept()) <= FEW_PIXELS,
+            false => pixels(plane.size) <= 65_536.0,
+        };
+        (is_small || pixels(plane.size) <= MAX_PIXELS * pixels(view.size)).then_some(plane)
+    }
+}
+
+/// The box of the voxels, along the slow, fast and medium axis, and how far kernels reach out of it.
+struct BoxExtent {
+    low: [f64; 3],
+    high: [f64; 3],
+    reach: f64,
+}
+
+impl BoxExtent {
+    fn new(bounds: &VoxelBox, nested: [usize; 3], kernel: KernelShape) -> BoxExtent {
+        BoxExtent {
+            low: nested.map(|axis| f64::from(bounds.low[axis])),
+            high: nested.map(|axis| f64::from(bounds.high[axis])),
+            reach: f64::from(kernel.radius) * 1.5 + 1.0,
+        }
+    }
+}
+
+impl LowPass {
+    /// `per_pixel`: how far a place on the plane moves along columns and along rows, at most, per pixel of the picture;
+    /// `width`: the standard deviation of the narrowest footprint in pixels of the picture.
+    fn new(mut per_pixel: [f64; 2], width: f64) -> LowPass {
+        let mut variance = (f64::from(LOW_PASS * LOW_PASS) - width * width).max(0.0);
+        let mut halvings = 0;
+        loop {
+            let least = variance.sqrt() * per_pixel[0].min(per_pixel[1]);
+            if least <= WIDE || halvings == 12 {
+                return LowPass { halvings, variance, is_wide: least >= NARROW };
+            }
+            // The mean of two pixels has a variance of 1/4.
+            variance -= 0.25 / (per_pixel[0] * per_pixel[1]);
+            per_pixel = per_pixel.map(|per_pixel| per_pixel / 2.0);
+            halvings += 1;
+        }
+    }
+
+    /// Returns the first pixel of a plane that covers what lies between `low` and `high` pixels, and how many there are.
+    fn pixels_between(self, low: f64, high: f64) -> Option<(f64, u32)> {
+        let margin = MARGIN * f64::from(1u32 << self.halvings);
+        let first = low.floor() - margin;
+        let pixels = (high.ceil() - first + margin + 1.0).max(2.0 * margin);
+        (pixels <= f64::from(MAX_SIZE) - 4.0).then_some((first, (pixels as u32).next_multiple_of(4)))
+    }
+}
+
+fn parallel(
+    view: &View,
+    [slow, fast, medium]: [usize; 3],
+    extent: &BoxExtent,
+    choose: impl Fn(f64) -> f64,
+    most_voxels_in_phase: f64,
+    kernel: KernelShape,
+    width: f64,
+) -> Option<Lattice> {
+    let PixelMap::Parallel { pixel_from_voxel: [x, y], scale } = &view.map else { return None };
+    let area = x[fast] * y[medium] - x[medium] * y[fast];
+    // From pixels of the picture to voxels along the fast and the medium axis.
+    let inverse = [[y[medium] / area, -x[medium] / area], [-y[fast] / area, x[fast] / area]];
+    let transform = |[a, b]: [f64; 2], [p, q]: [f64; 2]| a * p + b * q;
+    // A voxel's point on the plane moves by this per slice, and a ray by the opposite.
+    let shift = inverse.map(|row| transform(row, [x[slow], y[slow]]));
+    let steps = [fast, medium].map(|axis| x[axis].hypot(y[axis]));
+    let step = steps[0].max(steps[1]);
+    let is_whole = |shift: &f64| (shift - shift.round()).abs() < IN_PHASE;
+    let is_beside = view.margin > 0.0;
+    let is_in_phase = match is_beside {
+        true => shift.iter().any(is_whole),
+        false => shift.iter().all(is_whole) && step > SMALL_STEP,
+    };
+    let most_voxels = if is_in_phase { most_voxels_in_phase } else { 32.0 };
+    let voxels = steps.map(|step| {
+        let voxels = 4.0 / choose(step);
+        let voxels = match (is_beside, is_in_phase) {
+            (true, false) => voxels,
+            // Each pixel has the same place in the blocks of all slices, and divisors of a tile are better than 3. Between 2 and
+            // 2.5, engine has 0.5 dB less with 2 than with 1.
+            (true, true) if voxels < 2.5 => 1.0,
+            (true, true) if voxels < 3.9 => 2.0,
+            (true, true) => 4.0,
+            // Stamps need a whole number.
+            (false, _) => (voxels + 0.1).floor(),
+        };
+        voxels.clamp(1.0, most_voxels)
+    });
+    let most = (LONGEST * voxels[0].min(voxels[1])).floor();
+    let voxels = if is_beside { voxels } else { voxels.map(|voxels| voxels.min(most)) };
+    let per_voxel = voxels.map(|voxels| 4.0 / voxels);
+    // A shift above 1 means that the view runs along another axis than the slow one.
+    if !shift.iter().all(|shift| shift.abs() < 1.001) {
+        return None;
+    }
+    let low_pass =
+        LowPass::new([0, 1].map(|side: usize| per_voxel[side] * inverse[side][0].hypot(inverse[side][1])), width);
+    if !low_pass.is_wide && per_voxel[0] * per_voxel[1] / area.abs() > MAX_PIXELS {
+        return None;
+    }
+    let [columns, rows] = view.size.map(f64::from);
+    let corners = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
+        .map(|[across, down]: [f64; 2]| [across - 0.5 - x[3], down - 0.5 - y[3]]);
+    let (mut size, mut first) = ([0; 2], [0.0; 2]);
+    for side in 0..2 {
+        // The plane covers only what both the picture shows and the voxels occupy.
+        let shown = corners.map(|corner| transform(inverse[side], corner));
+        let shown_low = shown.into_iter().fold(f64::INFINITY, f64::min);
+        let shown_high = shown.into_iter().fold(-f64::INFINITY, f64::max);
+        let ends = [extent.low[0], extent.high[0]].map(|at| shift[side] * at);
+        let low = extent.low[1 + side] + ends[0].min(ends[1]) - extent.reach;
+        let high = extent.high[1 + side] + ends[0].max(ends[1]) + extent.reach;
+        let (low, high) = (low.max(shown_low - 2.0), high.min(shown_high + 2.0));
+        (first[side], size[side]) = low_pass.pixels_between(low * per_voxel[side], high * per_voxel[side])?;
+        // If slices are in phase, pixels meet all of them at the same places. If there are two or more pixels a voxel, its
+        // edges are right when they lie on both sides of its centre; else, when one lies on it. Measured:
+        // docs/studies/sampling.md.
+        first[side] += if voxels[side] < 3.0 { 0.5 } else { 0.0 };
+    }
+    let mut plane_from_pixel = [[0.0, 0.0, 1.0]; 3];
+    for side in 0..2 {
+        let [a, b]: [f64; 2] = inverse[side].map(|factor| factor * per_voxel[side]);
+        plane_from_pixel[side] = [a, b, -first[side] - a * x[3] - b * y[3]];
+    }
+    let cross =
+        DVec3::new(x[0], x[1], x[2]).cross(DVec3::new(y[0], y[1], y[2])).length() * f64::from(kernel.sigma).powi(2);
+    let rays = Rays::Parallel {
+        voxels,
+        slope: shift.map(|shift| -shift),
+        origin: [0, 1].map(|side: usize| first[side] / per_voxel[side]),
+        strength: (f64::from(kernel.normalisation()) * scale * scale / cross) as f32,
+    };
+    Some(Lattice { size, picture: view.size, plane_from_pixel, low_pass, rays, kernel, spread: view.margin })
+}
+
+fn perspective(
+    view: &View,
+    [width, widest]: [f64; 2],
+    nested: [usize; 3],
+    extent: &BoxExtent,
+    [choose, choose_far]: [&dyn Fn(f64) -> f64; 2],
+    kernel: KernelShape,
+) -> Option<Lattice> {
+    let (PixelMap::Perspective { camera_from_voxel, focal, centre, .. }, Viewpoint::Perspective { eye, .. }) =
+        (&view.map, view.viewpoint)
+    else {
+        return None;
+    };
+    let eye = nested.map(|axis| eye[axis]);
+    // Away from the eye, slices come in this direction.
+    let away = if extent.low[0] > eye[0] { 1.0 } else { -1.0 };
+    let distances = [extent.low[0], extent.high[0]].map(|slow| away * (slow - eye[0]));
+    let (nearest, farthest) = (distances[0].min(distances[1]), distances[0].max(distances[1]));
+    let is_apart = nearest >= NEAREST;
+    let forward = &camera_from_voxel[2];
+    let along = |n: usize| (forward[nested[n]] * extent.low[n]).min(forward[nested[n]] * extent.high[n]);
+    let nearest_depth = forward[3] + along(0) + along(1) + along(2);
+    // A clip cuts slices where the view does not run along the slow axis.
+    if !is_apart || view.clip > nearest_depth {
+        return None;
+    }
+    // The lattice is finer in near slices and coarser in far ones. Where these show all detail, it is fine enough there.
+    // Toward the edges of a wide angle, the picture is stretched.
+    let middle = 0.5 * (nearest + farthest);
+    let tangent = 0.5 * f64::from(view.size[0].max(view.size[1])) / focal;
+    let column = |axis: usize| DVec3::from_array([0, 1, 2].map(|row: usize| camera_from_voxel[row][axis]));
+    let to_centre = [0, 1, 2].map(|n: usize| column(nested[n]) * (0.5 * (extent.low[n] + extent.high[n])));
+    let distance = (to_centre[0] + to_centre[1] + to_centre[2] + column(3)).length();
+    let step = [1, 2].map(|n: usize| {
+        let largest_step = focal / distance * column(nested[n]).length() * (1.0 + tangent * tangent);
+        let finest = (choose(largest_step) * middle).max(choose_far(largest_step * middle / farthest) * farthest);
+        1.0 / finest
+    });
+    let step = step.map(|side| side.min(LONGEST_FAR * step[0].min(step[1])));
+    // From a pixel's ray, in camera coordinates, to voxels along the slow (away from the eye), fast and medium axis.
+    let steps = [column(nested[0]) * away, column(nested[1]), column(nested[2])];
+    let voxel_from_camera = DMat3::from_cols(steps[0], steps[1], steps[2]).inverse();
+    let camera_from_pixel = DMat3::from_cols(
+        DVec3::new(1.0 / focal, 0.0, 0.0),
+        DVec3::new(0.0, -1.0 / focal, 0.0),
+        DVec3::new(-centre[0] / focal, centre[1] / focal, 1.0),
+    );
+    let voxel_from_pixel = voxel_from_camera * camera_from_pixel;
+    let [columns, rows] = view.size.map(f64::from);
+    // How far a place moves on the plane, along its columns and its rows, per pixel of the picture.
+    let per_pixel = |x: f64, y: f64| {
+        let at = voxel_from_pixel * DVec3::new(x, y, 1.0);
+        [1, 2].map(|side: usize| {
+            let along = [0, 1].map(|k| voxel_from_pixel.col(k)[side] - at[side] / at[0] * voxel_from_pixel.col(k)[0]);
+            along[0].hypot(along[1]) / (at[0] * step[side - 1]).abs()
+        })
+    };
+    let low_pass = LowPass::new(per_pixel(0.5 * columns, 0.5 * rows), width);
+    let widest = widest * f64::from(1u32 << low_pass.halvings) / low_pass.variance.sqrt();
+    let ends = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]];
+    let is_too_wide = ends.into_iter().flat_map(|[x, y]: [f64; 2]| per_pixel(x, y)).any(|moves| moves > widest);
+    if low_pass.is_wide && is_too_wide {
+        return None;
+    }
+    let corners =
+        ends.map(|[across, down]: [f64; 2]| (voxel_from_pixel * DVec3::new(across - 0.5, down - 0.5, 1.0)).to_array());
+    let all_meet = corners.iter().all(|[slow, fast, medium]| *slow > 0.05 * fast.hypot(*medium));
+    let (mut size, mut first) = ([0; 2], [0.0; 2]);
+    for side in 0..2 {
+        let slope = |at: f64, distance: f64| (at - eye[1 + side]) / distance;
+        let (box_low, box_high) =
+            (extent.low[1 + side] - 2.0 * extent.reach, extent.high[1 + side] + 2.0 * extent.reach);
+        let mut low = slope(box_low, nearest).min(slope(box_low, farthest));
+        let mut high = slope(box_high, nearest).max(slope(box_high, farthest));
+        if all_meet {
+            let shown = corners.map(|corner| corner[1 + side] / corner[0]);
+            low = low.max(shown.into_iter().fold(f64::INFINITY, f64::min) - 2.0 * step[side]);
+            high = high.min(shown.into_iter().fold(-f64::INFINITY, f64::max) + 2.0 * step[side]);
+        }
+        let (pixel, count) = low_pass.pixels_between(low / step[side], high / step[side])?;
+        (first[side], size[side]) = (pixel * step[side], count);
+    }
+    let row = |index: usize| voxel_from_pixel.row(index);
+    let plane = [0, 1].map(|side| ((row(1 + side) - row(0) * first[side]) / step[side]).to_array());
+    let plane_from_pixel = [plane[0], plane[1], row(0).to_array()];
+    let strength = f64::from(kernel.normalisation()) / f64::from(kernel.sigma).powi(2);
+    let rays = Rays::Perspective { eye, first, step, steps, strength };
+    Some(Lattice { size, picture: view.size, plane_from_pixel, low_pass, rays, kernel, spread: view.margin })
+}

@@ -1,0 +1,96 @@
+//! The rays of a tile: what the kernels of voxels weigh at its pixels.
+
+use super::{Lattice, Place, Rays};
+use crate::splat::arith::{LOG2_E, keep_if, near_exp2_neg};
+use crate::splat::cpu::raster::{COLUMN, ROW};
+use crate::splat::cpu::tile_buffer::{TILE, TILE_PIXELS};
+
+/// The rays of a tile.
+#[derive(Debug, Clone, Copy)]
+pub(in super::super) struct TileRays {
+    /// The tile's first pixel.
+    first: [i32; 2],
+    /// Factors of a pixel's distance from a voxel, in pixels along columns and rows: the exponent, in units of ln 2, is
+    /// the sum of the squares of (column * x + shear * y) and (row * y), times the scale of the place. That scale is of columns, so
+    /// `shear` and `row` contain how many times as far apart rows are.
+    column: f32,
+    shear: f32,
+    row: f32,
+    /// The optical depth of a voxel of depth 1 at its centre.
+    pub(in super::super) strength: f32,
+    /// For each pixel of the tile: the first and the second sum, counted from the first pixel.
+    u: [f32; TILE_PIXELS],
+    v: [f32; TILE_PIXELS],
+}
+
+impl TileRays {
+    /// Returns the weight of a voxel's kernel at the pixels of the tile, 0 to 1; 0 where the exponent is above `cut`.
+    #[inline(always)]
+    pub(in super::super) fn weights(&self, place: &Place, cut: f32) -> [f32; TILE_PIXELS] {
+        let mut values = self.exponents(place);
+        for value in &mut values {
+            *value = near_weight(*value, cut);
+        }
+        values
+    }
+
+    /// Returns the exponents of a voxel's kernel at the pixels of the tile, in units of ln 2.
+    #[inline(always)]
+    pub(in super::super) fn exponents(&self, place: &Place) -> [f32; TILE_PIXELS] {
+        let TileRays { first, column, shear, row, u, v, .. } = self;
+        let x = (first[0] - place.pixel[0]) as f32 - place.offset[0];
+        let y = (first[1] - place.pixel[1]) as f32 - place.offset[1];
+        let (across, down) = (column * x + shear * y, row * y);
+        let mut exponents = [0.0; TILE_PIXELS];
+        for i in 0..TILE_PIXELS {
+            let (across, down) = (across + u[i], down + v[i]);
+            exponents[i] = (across * across + down * down) * place.scale;
+        }
+        exponents
+    }
+}
+
+/// Returns the weight of a kernel from its exponent; 0 where that is above `cut`.
+#[inline(always)]
+pub(in super::super) fn near_weight(exponent: f32, cut: f32) -> f32 {
+    // Beyond the cut-off the exponential may be meaningless, and `keep_if` replaces it by 0.
+    keep_if(exponent <= cut, near_exp2_neg(exponent))
+}
+
+impl Lattice {
+    /// Returns the rays of the tile in `column` and `row`.
+    #[inline(always)]
+    pub(in super::super) fn tile(&self, [column, row]: [i32; 2]) -> TileRays {
+        let first = [column << TILE, row << TILE];
+        let [fast, medium] = match &self.rays {
+            Rays::Parallel { slope, .. } => *slope,
+            Rays::Perspective { first: slope, step, .. } => {
+                [0, 1].map(|side| slope[side] + step[side] * (f64::from(first[side]) + 1.5))
+            }
+        };
+        let strength = match &self.rays {
+            Rays::Parallel { strength, .. } => *strength,
+            Rays::Perspective { steps, strength, .. } => {
+                let length = (steps[0] + steps[1] * fast + steps[2] * medium).length();
+                (strength * (length / (1.0 + fast * fast + medium * medium).sqrt())) as f32
+            }
+        };
+        let (fast, medium) = (fast as f32, medium as f32);
+        let scale = 0.5 * LOG2_E / (self.kernel.sigma * self.kernel.sigma);
+        let beside = 1.0 + medium * medium;
+        let column_factor = (scale * beside / (beside + fast * fast)).sqrt();
+        let row_per_column = match &self.rays {
+            Rays::Parallel { voxels: [across, down], .. } | Rays::Perspective { step: [across, down], .. } => {
+                down / across
+            }
+        } as f32;
+        let shear = 0.0 - column_factor * (fast * medium / beside) * row_per_column;
+        let row_factor = (scale / beside).sqrt() * row_per_column;
+        let (mut u, mut v) = ([0.0; TILE_PIXELS], [0.0; TILE_PIXELS]);
+        for i in 0..TILE_PIXELS {
+            u[i] = column_factor * COLUMN[i] + shear * ROW[i];
+            v[i] = row_factor * ROW[i];
+        }
+        TileRays { first, column: column_factor, shear, row: row_factor, strength, u, v }
+    }
+}
