@@ -117,13 +117,15 @@ impl<'a> DrawTask<'a> {
         let settings = &Settings { size: lattice.size, ..self.settings.clone() };
         let shown = lattice.shown(self.front);
         let footprints = Footprints::new(lattice, &self.projector);
+        let halves = lattice.halves();
+        let is_halved = halves != [false; 2];
         if self.settings.code == Code::Plain {
             let bands = [plain::draw_on_lattice::<B>(self, lattice, footprints.as_ref(), &shown)?];
             let mut frame = Frame::transparent(lattice.size)?;
             combine(&bands, settings, &mut frame, |pixel, [red, green, blue, alpha]| {
                 *pixel = [red, green, blue, if transmits { 1.0 - alpha } else { alpha }];
             });
-            let kept = if lattice.low_pass.halvings > 0 { halved(&frame, settings.threads)? } else { frame };
+            let kept = if is_halved { halved(&frame, halves, settings.threads)? } else { frame };
             return Ok((kept, BandStats::of(&bands)));
         }
         let rows = lattice.size[1] as usize >> TILE;
@@ -134,14 +136,13 @@ impl<'a> DrawTask<'a> {
         let tables = (looks.as_ref(), footprints.as_ref());
         let (mut frame, mut stats) = (Frame::transparent(lattice.kept())?, BandStats::default());
         let level = dispatch::level(settings.code);
-        let is_halved = lattice.low_pass.halvings > 0;
-        let [columns, kept_rows] = [frame.size()[0] as usize, (each << TILE) >> u32::from(is_halved)];
+        let [columns, kept_rows] = [frame.size()[0] as usize, (each << TILE) >> u32::from(halves[1])];
         let draw = |band: &mut _, (index, kept): (usize, &mut [[f32; 4]])| {
             let rows = [each * index, rows.min(each * (index + 1))].map(|row| row as i32);
             let band = Band::of(band, self, lattice, tables, each)?;
             let stats = gather::draw::<B>(self, band, &shown, rows)?;
             fearless_simd::dispatch!(level, simd => match is_halved {
-                true => band.pixels.put_halved(simd, transmits, kept, columns),
+                true => band.pixels.put_halved(simd, transmits, halves, kept, columns),
                 false => band.pixels.put(simd, transmits, kept, columns),
             });
             Ok(stats)

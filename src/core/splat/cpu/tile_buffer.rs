@@ -210,19 +210,28 @@ impl TileBuffer {
         }
     }
 
-    /// Writes what [`TileBuffer::put`] writes to a plane of half the columns and rows: the means of two by two pixels. Here `columns`
-    /// is the number of columns of that plane.
+    /// Writes what [`TileBuffer::put`] writes to a plane that has half as many columns, if it `halves` them, and half as many rows, if
+    /// it halves these: the means of pixels. Here `columns` is the number of columns of that plane.
     #[inline(always)]
-    pub(super) fn put_halved<S: Simd>(&self, simd: S, transmits: bool, pixels: &mut [[f32; 4]], columns: usize) {
-        const SIDE: usize = 1 << (TILE - 1);
-        for (row, pixels) in pixels.chunks_exact_mut(columns * SIDE).enumerate() {
+    pub(super) fn put_halved<S: Simd>(
+        &self,
+        simd: S,
+        transmits: bool,
+        halves: [bool; 2],
+        pixels: &mut [[f32; 4]],
+        columns: usize,
+    ) {
+        let [across, down] = halves.map(|halved| (1 << TILE) >> u32::from(halved));
+        for (row, pixels) in pixels.chunks_exact_mut(columns * down).enumerate() {
             for (column, tile) in self.drawn_tiles(row) {
-                for (y, row) in pixels.chunks_exact_mut(columns).enumerate() {
-                    let mut lines = [[[0.0; 4]; 1 << TILE]; 2];
-                    for (line, y) in lines.iter_mut().zip(2 * y..) {
-                        f32x4::store_four_interleaved(tile.row(simd, y, transmits), line.as_flattened_mut());
-                    }
-                    halve_rows(lines.as_flattened(), 1 << TILE, &mut row[column * SIDE..(column + 1) * SIDE]);
+                let mut lines = [[[0.0; 4]; 1 << TILE]; 1 << TILE];
+                for (y, line) in lines.iter_mut().enumerate() {
+                    f32x4::store_four_interleaved(tile.row(simd, y, transmits), line.as_flattened_mut());
+                }
+                let each = (1 << TILE) / down;
+                for (lines, row) in lines.chunks_exact(each).zip(pixels.chunks_exact_mut(columns)) {
+                    let row = &mut row[column * across..(column + 1) * across];
+                    halve_rows(lines.as_flattened(), 1 << TILE, halves, row);
                 }
             }
         }
@@ -236,13 +245,16 @@ impl TileBuffer {
     }
 }
 
-/// Adds the means of two by two pixels to a row of zeroes; `pixels` begin with two rows of `columns`, or with one at the edge.
-pub(super) fn halve_rows(pixels: &[[f32; 4]], columns: usize, row: &mut [[f32; 4]]) {
-    for line in pixels.chunks_exact(columns).take(2) {
-        for (pixel, pair) in row.iter_mut().zip(line.chunks(2)) {
-            for part in pair {
+/// Adds the means of pairs of pixels to a row of zeroes: of two columns, of two rows, or of both, as it `halves` them. `pixels` begin
+/// with the rows in question, of `columns` each; at the edge a row or a column may lack.
+pub(super) fn halve_rows(pixels: &[[f32; 4]], columns: usize, halves: [bool; 2], row: &mut [[f32; 4]]) {
+    let [across, down] = halves.map(|halved| 1 + usize::from(halved));
+    let share = 1.0 / (across * down) as f32;
+    for line in pixels.chunks_exact(columns).take(down) {
+        for (pixel, parts) in row.iter_mut().zip(line.chunks(across)) {
+            for part in parts {
                 for c in 0..4 {
-                    pixel[c] += 0.25 * part[c];
+                    pixel[c] += share * part[c];
                 }
             }
         }

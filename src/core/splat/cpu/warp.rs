@@ -38,17 +38,22 @@ const PART: usize = 1 << 16;
 /// Computes the picture from `plane`, what is kept of the frame drawn on `lattice`, whose alphas are at most `most`. The result
 /// does not depend on `level` and `threads`.
 pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, level: Level, threads: usize) -> Result<Frame> {
-    let LowPass { halvings, variance, is_wide } = lattice.low_pass;
+    let LowPass { halvings, smoothing, covariance, is_wide, .. } = lattice.low_pass;
     let mut plane_from_pixel = lattice.plane_from_pixel;
-    for halving in 0..halvings {
+    for halving in 0..halvings[0].max(halvings[1]) {
+        let halves = halvings.map(|halvings| halving < halvings);
         // What is kept was halved once when it was drawn.
         if halving > 0 {
-            plane = halved(&plane, threads)?;
+            plane = halved(&plane, halves, threads)?;
         }
-        let [across, down, divisor] = plane_from_pixel;
-        // Pixel 0 of the halved plane lies between pixels 0 and 1.
-        let halve = |line: [f64; 3]| [0, 1, 2].map(|k: usize| 0.5 * (line[k] - 0.5 * divisor[k]));
-        plane_from_pixel = [halve(across), halve(down), divisor];
+        let divisor = plane_from_pixel[2];
+        for (line, _) in plane_from_pixel.iter_mut().zip(halves).filter(|(_, halved)| *halved) {
+            // Pixel 0 of the halved plane lies between pixels 0 and 1.
+            *line = [0, 1, 2].map(|k: usize| 0.5 * (line[k] - 0.5 * divisor[k]));
+        }
+    }
+    for (side, variance) in smoothing.into_iter().enumerate().filter(|(_, variance)| *variance > 0.0) {
+        plane = smoothed(&plane, side, variance, level, threads)?;
     }
     let mut picture = Frame::transparent(lattice.picture)?;
     let [columns, rows] = plane.size().map(|side| side as usize);
@@ -65,7 +70,7 @@ pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, level: Level,
     if is_wide {
         let samples = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
         picture.fill_rows(threads, |y, row| {
-            dispatch!(level, simd => blur(simd, &samples, &plane_from_pixel, variance, y as f64, row));
+            dispatch!(level, simd => blur(simd, &samples, &plane_from_pixel, covariance, y as f64, row));
         });
         return Ok(picture);
     }
@@ -73,13 +78,17 @@ pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, level: Level,
     let drawn = &mut plane.pixels_mut()[len * covered.rows.start..len * covered.rows.end];
     filter_rows(drawn, len, covered.columns.clone(), level, plane_threads);
     filter_columns(drawn, len, covered.columns, level, plane_threads);
-    // The mean of four points, each one standard deviation from the pixel in x and in y, blurs with that variance.
-    let distance = variance.sqrt();
-    let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]].map(|point| point.map(|c| c * distance));
+    // The mean of four points, each one standard deviation from the pixel along two axes, blurs with that covariance.
+    let [xx, xy, yy] = covariance;
+    let distance = xx.max(0.0).sqrt();
+    let aside = if distance > 0.0 { xy / distance } else { 0.0 };
+    let other = (yy - aside * aside).max(0.0).sqrt();
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
+        .map(|[one, two]: [f64; 2]| [one * distance, one * aside + two * other]);
     let coefficients = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
     picture.fill_rows(threads, |y, row| {
         let (from, map, y) = (&coefficients, &plane_from_pixel, y as f64);
-        if distance < MIN_BLUR {
+        if distance.max(other) < MIN_BLUR {
             dispatch!(level, simd => resample(simd, from, map, &[[0.0; 2]], most, y, row));
         } else {
             dispatch!(level, simd => resample(simd, from, map, &corners, most, y, row));
@@ -88,13 +97,41 @@ pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, level: Level,
     Ok(picture)
 }
 
-/// Returns the plane whose pixels are the means of two by two pixels; beyond the edges, pixels are 0.
-pub(super) fn halved(plane: &Frame, threads: usize) -> Result<Frame> {
+/// Returns a plane of half as many columns, if it `halves` them, and of half as many rows, if it halves these. Its pixels are means;
+/// beyond the edges, pixels are 0.
+pub(super) fn halved(plane: &Frame, halves: [bool; 2], threads: usize) -> Result<Frame> {
     let columns = plane.size()[0] as usize;
-    let mut halved = Frame::transparent(plane.size().map(|side| side.div_ceil(2)))?;
+    let each = halves.map(|halved| 1 + u32::from(halved));
+    let mut halved = Frame::transparent([0, 1].map(|side: usize| plane.size()[side].div_ceil(each[side])))?;
     let rows = plane.pixels().as_chunks().0;
-    halved.fill_rows(threads, |y, row| halve_rows(&rows[2 * y * columns..], columns, row));
+    halved.fill_rows(threads, |y, row| halve_rows(&rows[each[1] as usize * y * columns..], columns, halves, row));
     Ok(halved)
+}
+
+/// Returns the plane under a Gaussian along its columns (`side` 0: from left to right) or its rows (1: downward).
+fn smoothed(plane: &Frame, side: usize, variance: f64, level: Level, threads: usize) -> Result<Frame> {
+    /// Beyond it, weights of the widest filter are below 0.02 of the largest.
+    const FAR: usize = 4;
+    let weights = std::array::from_fn::<f64, { 2 * FAR + 1 }, _>(|k| {
+        let distance = k as f64 - FAR as f64;
+        (-0.5 * distance * distance / variance).exp()
+    });
+    let total: f64 = weights.iter().sum();
+    let columns = plane.size()[0] as usize;
+    let (rows, mut smoothed) = (plane.pixels().chunks_exact(4 * columns), Frame::transparent(plane.size())?);
+    let rows: Vec<&[f32]> = rows.collect();
+    smoothed.fill_rows(threads, |y, row| {
+        dispatch!(level, _ => for (k, weight) in weights.iter().enumerate() {
+            let (across, down) = if side == 0 { (k, FAR) } else { (FAR, k) };
+            let Some(from) = (y + down).checked_sub(FAR).and_then(|y| rows.get(y)) else { continue };
+            let weight = (weight / total) as f32;
+            let to = row.as_flattened_mut().iter_mut().skip(4 * FAR.saturating_sub(across));
+            for (value, from) in to.zip(from.iter().skip(4 * across.saturating_sub(FAR))) {
+                *value += weight * from;
+            }
+        });
+    });
+    Ok(smoothed)
 }
 
 /// Which pixels of a plane something was drawn on.
@@ -361,11 +398,11 @@ impl Plane<'_> {
     }
 }
 
-/// Computes a row of the picture: the plane's pixels under a Gaussian of variance `variance`, in square pixels of the
-/// picture, around each pixel. The row is empty before.
+/// Computes a row of the picture: the plane's pixels under a Gaussian of this covariance, in square pixels of the picture, around
+/// each pixel. The row is empty before.
 #[inline(always)]
-fn blur<S: Simd>(simd: S, from: &Plane, map: &[[f64; 3]; 3], variance: f64, y: f64, row: &mut [[f32; 4]]) {
-    let mut gaussian = Gaussian::new(map, [0.0, y], variance);
+fn blur<S: Simd>(simd: S, from: &Plane, map: &[[f64; 3]; 3], covariance: [f64; 3], y: f64, row: &mut [[f32; 4]]) {
+    let mut gaussian = Gaussian::new(map, [0.0, y], covariance);
     let is_perspective = map[2][0] != 0.0 || map[2][1] != 0.0;
     let line = map.map(|[a, b, c]| [a, b * y + c]);
     let columns = from.columns_seen(line, row.len());
@@ -375,7 +412,7 @@ fn blur<S: Simd>(simd: S, from: &Plane, map: &[[f64; 3]; 3], variance: f64, y: f
         let pixels = &mut row[first..columns.end.min(first + TOGETHER)];
         for (i, pixel) in pixels.iter_mut().enumerate().filter(|(i, _)| at.near >> i & 1 == 1) {
             if is_perspective {
-                gaussian = Gaussian::new(map, [first as f64 + i as f64, y], variance);
+                gaussian = Gaussian::new(map, [first as f64 + i as f64, y], covariance);
             }
             let values = from.values.get((at.pixel[i] as usize).wrapping_sub((TAPS / 2 - 1) * (from.columns + 1))..);
             let fractions = at.fraction.map(|side| side[i]);
@@ -395,15 +432,19 @@ struct Gaussian {
 }
 
 impl Gaussian {
-    fn new(map: &[[f64; 3]; 3], [x, y]: [f64; 2], variance: f64) -> Gaussian {
+    fn new(map: &[[f64; 3]; 3], [x, y]: [f64; 2], [xx, xy, yy]: [f64; 3]) -> Gaussian {
         let [u, v, w] = map.map(|[a, b, c]| a * x + b * y + c);
         let step = |line: [f64; 3], at: f64| [0, 1].map(|k: usize| (line[k] - at / w * map[2][k]) / w);
         // How far a place on the plane moves, along columns and along rows, per column and per row of the picture.
         let [[a, b], [c, d]] = [step(map[0], u), step(map[1], v)];
         let area = a * d - b * c;
-        let scale = 0.5 * std::f64::consts::LOG2_E / (variance * area * area);
-        let factors = [scale * (c * c + d * d), -2.0 * scale * (a * c + b * d), scale * (a * a + b * b)];
-        Gaussian { factors: factors.map(|factor| factor as f32) }
+        let scale = 0.5 * std::f64::consts::LOG2_E / ((xx * yy - xy * xy) * area * area);
+        let factors = [
+            yy * d * d + 2.0 * xy * c * d + xx * c * c,
+            -2.0 * (yy * b * d + xy * (a * d + b * c) + xx * a * c),
+            yy * b * b + 2.0 * xy * a * b + xx * a * a,
+        ];
+        Gaussian { factors: factors.map(|factor| (scale * factor) as f32) }
     }
 
     /// Returns the weighted mean of [`TAPS`] by [`TAPS`] of `values`, rows of which are `pitch` apart. The place is past

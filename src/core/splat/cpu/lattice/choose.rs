@@ -114,7 +114,7 @@ impl Lattice {
             }
         };
         let pixels = |size: [u32; 2]| f64::from(size[0]) * f64::from(size[1]);
-        let is_small = match plane.low_pass.is_wide {
+        let is_small = match plane.low_pass.is_filtered() {
             true => pixels(plane.kept()) <= FEW_PIXELS,
             false => pixels(plane.size) <= 65_536.0,
         };
@@ -140,26 +140,47 @@ impl BoxExtent {
 }
 
 impl LowPass {
-    /// `per_pixel`: how far a place on the plane moves along columns and along rows, at most, per pixel of the picture;
-    /// `width`: the standard deviation of the narrowest footprint in pixels of the picture.
-    fn new(mut per_pixel: [f64; 2], width: f64) -> LowPass {
-        let mut variance = (f64::from(LOW_PASS * LOW_PASS) - width * width).max(0.0);
-        let mut halvings = 0;
-        loop {
-            let least = variance.sqrt() * per_pixel[0].min(per_pixel[1]);
-            if least <= WIDE || halvings == 12 {
-                return LowPass { halvings, variance, is_wide: least >= NARROW };
-            }
-            // The mean of two pixels has a variance of 1/4.
-            variance -= 0.25 / (per_pixel[0] * per_pixel[1]);
-            per_pixel = per_pixel.map(|per_pixel| per_pixel / 2.0);
-            halvings += 1;
+    /// `moves`: how far a place on the plane moves, along columns and along rows, per column and per row of the picture; `width`: the
+    /// standard deviation of the narrowest footprint in pixels of the picture.
+    fn new(moves: [[f64; 2]; 2], width: f64) -> LowPass {
+        let variance = (f64::from(LOW_PASS * LOW_PASS) - width * width).max(0.0);
+        let deviation = variance.sqrt();
+        let deviations = moves.map(|[x, y]| deviation * x.hypot(y));
+        // Voxels of unlike spacings may have a plane that is much finer one way than the other.
+        let halvings = deviations.map(|deviation| (deviation / WIDE).log2().ceil().clamp(0.0, 12.0) as u32);
+        let kept = |side: usize| moves[side].map(|moves| moves / f64::from(1u32 << halvings[side]));
+        let [[a, b], [c, d]] = [kept(0), kept(1)];
+        // Covariance in pixels of what is kept. The mean of 2^n pixels is a filter, too.
+        let of_mean = halvings.map(|halvings| (1.0 - 0.25f64.powi(halvings as i32)) / 12.0);
+        let mut squares = [variance * (a * a + b * b) - of_mean[0], variance * (c * c + d * d) - of_mean[1]];
+        let mixed = variance * (a * c + b * d);
+        let (finer, coarser) = if squares[0] > squares[1] { (0, 1) } else { (1, 0) };
+        let is_wide = squares[coarser] >= NARROW * NARROW;
+        let mut smoothing = [0.0; 2];
+        if !is_wide && squares[finer] > NARROW * NARROW {
+            // What a Gaussian along the finer axis leaves is a blur along one line, which two places stand for.
+            let left = if squares[coarser] > 0.0 { mixed * mixed / squares[coarser] } else { 0.0 };
+            smoothing[finer] = (squares[finer] - left).max(0.0);
+            squares[finer] -= smoothing[finer];
         }
+        let ([xx, yy], area) = (squares, a * d - b * c);
+        let covariance = [
+            d * d * xx - 2.0 * b * d * mixed + b * b * yy,
+            -c * d * xx + (a * d + b * c) * mixed - a * b * yy,
+            c * c * xx - 2.0 * a * c * mixed + a * a * yy,
+        ];
+        LowPass { halvings, smoothing, covariance: covariance.map(|part| part / (area * area)), is_wide, deviation }
     }
 
-    /// Returns the first pixel of a plane that covers what lies between `low` and `high` pixels, and how many there are.
-    fn pixels_between(self, low: f64, high: f64) -> Option<(f64, u32)> {
-        let margin = MARGIN * f64::from(1u32 << self.halvings);
+    /// Returns whether pixels of the plane are so fine that not all are kept, or that they are filtered as they are.
+    fn is_filtered(&self) -> bool {
+        self.is_wide || self.halvings != [0, 0]
+    }
+
+    /// Returns the first pixel of a plane that covers what lies between `low` and `high` pixels along columns (`side` 0) or rows (1),
+    /// and how many there are.
+    fn pixels_between(self, side: usize, low: f64, high: f64) -> Option<(f64, u32)> {
+        let margin = MARGIN * f64::from(1u32 << self.halvings[side]);
         let first = low.floor() - margin;
         let pixels = (high.ceil() - first + margin + 1.0).max(2.0 * margin);
         (pixels <= f64::from(MAX_SIZE) - 4.0).then_some((first, (pixels as u32).next_multiple_of(4)))
@@ -212,9 +233,8 @@ fn parallel(
     if !shift.iter().all(|shift| shift.abs() < 1.001) {
         return None;
     }
-    let low_pass =
-        LowPass::new([0, 1].map(|side: usize| per_voxel[side] * inverse[side][0].hypot(inverse[side][1])), width);
-    if !low_pass.is_wide && per_voxel[0] * per_voxel[1] / area.abs() > MAX_PIXELS {
+    let low_pass = LowPass::new([0, 1].map(|side: usize| inverse[side].map(|moves| per_voxel[side] * moves)), width);
+    if !low_pass.is_filtered() && per_voxel[0] * per_voxel[1] / area.abs() > MAX_PIXELS {
         return None;
     }
     let [columns, rows] = view.size.map(f64::from);
@@ -230,7 +250,7 @@ fn parallel(
         let low = extent.low[1 + side] + ends[0].min(ends[1]) - extent.reach;
         let high = extent.high[1 + side] + ends[0].max(ends[1]) + extent.reach;
         let (low, high) = (low.max(shown_low - 2.0), high.min(shown_high + 2.0));
-        (first[side], size[side]) = low_pass.pixels_between(low * per_voxel[side], high * per_voxel[side])?;
+        (first[side], size[side]) = low_pass.pixels_between(side, low * per_voxel[side], high * per_voxel[side])?;
         // If slices are in phase, pixels meet all of them at the same places. If there are two or more pixels a voxel, its
         // edges are right when they lie on both sides of its centre; else, when one lies on it. Measured:
         // docs/studies/sampling.md.
@@ -301,18 +321,19 @@ fn perspective(
     );
     let voxel_from_pixel = voxel_from_camera * camera_from_pixel;
     let [columns, rows] = view.size.map(f64::from);
-    // How far a place moves on the plane, along its columns and its rows, per pixel of the picture.
-    let per_pixel = |x: f64, y: f64| {
+    // How far a place moves on the plane, along its columns and its rows, per column and per row of the picture.
+    let moves = |x: f64, y: f64| {
         let at = voxel_from_pixel * DVec3::new(x, y, 1.0);
-        [1, 2].map(|side: usize| {
-            let along = [0, 1].map(|k| voxel_from_pixel.col(k)[side] - at[side] / at[0] * voxel_from_pixel.col(k)[0]);
-            along[0].hypot(along[1]) / (at[0] * step[side - 1]).abs()
-        })
+        let column = |k: usize| voxel_from_pixel.col(k);
+        let along = |side: usize, k: usize| column(k)[side] - at[side] / at[0] * column(k)[0];
+        [1, 2].map(|side: usize| [0, 1].map(|k| along(side, k) / (at[0] * step[side - 1])))
     };
-    let low_pass = LowPass::new(per_pixel(0.5 * columns, 0.5 * rows), width);
-    let widest = widest * f64::from(1u32 << low_pass.halvings) / low_pass.variance.sqrt();
+    let low_pass = LowPass::new(moves(0.5 * columns, 0.5 * rows), width);
+    let widest = low_pass.halvings.map(|halvings| widest * f64::from(1u32 << halvings) / low_pass.deviation);
     let ends = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]];
-    let is_too_wide = ends.into_iter().flat_map(|[x, y]: [f64; 2]| per_pixel(x, y)).any(|moves| moves > widest);
+    let is_too_wide = ends.into_iter().any(|[x, y]: [f64; 2]| {
+        moves(x, y).into_iter().zip(widest).any(|([across, down], widest)| across.hypot(down) > widest)
+    });
     if low_pass.is_wide && is_too_wide {
         return None;
     }
@@ -331,7 +352,7 @@ fn perspective(
             low = low.max(shown.into_iter().fold(f64::INFINITY, f64::min) - 2.0 * step[side]);
             high = high.min(shown.into_iter().fold(-f64::INFINITY, f64::max) + 2.0 * step[side]);
         }
-        let (pixel, count) = low_pass.pixels_between(low / step[side], high / step[side])?;
+        let (pixel, count) = low_pass.pixels_between(side, low / step[side], high / step[side])?;
         (first[side], size[side]) = (pixel * step[side], count);
     }
     let row = |index: usize| voxel_from_pixel.row(index);

@@ -51,15 +51,19 @@ pub(super) struct Lattice {
     spread: f64,
 }
 
-/// How a plane is filtered where voxels are small.
+/// How a plane is filtered where voxels are small. Pairs are along columns and along rows of the plane.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LowPass {
-    /// How often the drawn plane is halved, which turns two by two pixels into one, before it is warped.
-    pub(super) halvings: u32,
-    /// Variance along x and along y of the Gaussian that is left to do, in square pixels of the picture.
-    pub(super) variance: f64,
+    /// How often the drawn plane is halved, which turns two pixels into one, before it is warped.
+    pub(super) halvings: [u32; 2],
+    /// Variances of Gaussians along the axes of what is kept, in its square pixels, by which it is smoothed first; or 0.
+    pub(super) smoothing: [f64; 2],
+    /// Covariance (xx, xy, yy) of the Gaussian that is left to do, in square pixels of the picture.
+    pub(super) covariance: [f64; 3],
     /// Whether it is so wide, in the picture's middle, that it may take the plane's pixels as they are.
     pub(super) is_wide: bool,
+    /// Standard deviation of the whole filter, in pixels of the picture.
+    pub(super) deviation: f64,
 }
 
 /// How the plane's pixels are rays through the slices. Pairs are along the fast and the medium axis, in voxels.
@@ -128,7 +132,12 @@ impl Lattice {
     /// Returns the columns and rows of what is kept of the plane for the warp. If it is to be halved, that is done when a band has
     /// been drawn.
     pub(super) fn kept(&self) -> [u32; 2] {
-        if self.low_pass.halvings > 0 { self.size.map(|side| side / 2) } else { self.size }
+        [0, 1].map(|side| self.size[side] >> u32::from(self.halves()[side]))
+    }
+
+    /// Returns whether it is halved along columns, and along rows.
+    pub(super) fn halves(&self) -> [bool; 2] {
+        self.low_pass.halvings.map(|halvings| halvings > 0)
     }
 
     /// Returns the lattice of the slice at `slow` on the slow axis.
@@ -304,28 +313,27 @@ impl Lattice {
         /// How far beyond the picture's edge tiles are drawn, in tiles: those farther away weigh below 0.268^8 in the
         /// interpolation.
         const NEAR: usize = 2;
-        let around = NEAR << self.low_pass.halvings;
+        let LowPass { halvings, smoothing, .. } = self.low_pass;
+        let around = [0, 1].map(|side: usize| (NEAR + usize::from(smoothing[side] > 0.0)) << halvings[side]);
         let [columns, rows] = self.size.map(|side| side as usize >> TILE);
         let to_picture = DMat3::from_cols_array_2d(&self.plane_from_pixel).transpose().inverse();
-        let (first, ends) = (
-            -0.5 - self.low_pass.variance.sqrt(),
-            self.picture.map(|side| f64::from(side) - 0.5 + self.low_pass.variance.sqrt()),
-        );
+        let (first, ends) =
+            (-0.5 - self.low_pass.deviation, self.picture.map(|side| f64::from(side) - 0.5 + self.low_pass.deviation));
         // For each corner of a tile, with those around the plane: a bit for each edge of the picture that it is beyond.
-        let corners = columns + 2 * around + 1;
-        let corner = |tile: usize| 4.0 * (tile as f64 - around as f64) - 0.5;
+        let corners = columns + 2 * around[0] + 1;
+        let corner = |side: usize, tile: usize| 4.0 * (tile as f64 - around[side] as f64) - 0.5;
         let beyond = |row: usize| {
-            let start = to_picture * DVec3::new(0.0, corner(row), 1.0);
+            let start = to_picture * DVec3::new(0.0, corner(1, row), 1.0);
             (0..corners).map(move |column| {
-                let [x, y, w] = (start + to_picture.x_axis * corner(column)).to_array();
+                let [x, y, w] = (start + to_picture.x_axis * corner(0, column)).to_array();
                 // Where the divisor is not positive, the corner is behind the eye: the tile is large, and shown.
                 let is_beyond = [x < first * w, x > ends[0] * w, y < first * w, y > ends[1] * w];
                 if w > 0.0 { (0..4).map(|edge| u8::from(is_beyond[edge]) << edge).sum() } else { 0u8 }
             })
         };
-        let beyond: Vec<u8> = (0..rows + 2 * around + 1).flat_map(beyond).collect();
+        let beyond: Vec<u8> = (0..rows + 2 * around[1] + 1).flat_map(beyond).collect();
         let is_shown = |row: usize, column: usize| {
-            let (across, down) = (2 * around + 1, (2 * around + 1) * corners);
+            let (across, down) = (2 * around[0] + 1, (2 * around[1] + 1) * corners);
             let first = row * corners + column;
             [first, first + across, first + down, first + down + across].iter().fold(0xff, |all, at| all & beyond[*at])
                 == 0
@@ -334,8 +342,9 @@ impl Lattice {
         let is_hidden = |row: usize, column: usize| {
             let Some(front) = front else { return false };
             let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-            for [c, r] in [[0, 0], [2 * around + 1, 0], [0, 2 * around + 1], [2 * around + 1; 2]] {
-                let [x, y, w] = (to_picture * DVec3::new(corner(column + c), corner(row + r), 1.0)).to_array();
+            let [right, below] = around.map(|around| 2 * around + 1);
+            for [c, r] in [[0, 0], [right, 0], [0, below], [right, below]] {
+                let [x, y, w] = (to_picture * DVec3::new(corner(0, column + c), corner(1, row + r), 1.0)).to_array();
                 if w <= 0.0 {
                     return false;
                 }
@@ -343,7 +352,7 @@ impl Lattice {
                     (low[side], high[side]) = (low[side].min(at), high[side].max(at));
                 }
             }
-            let beyond = 2.0 + 3.0 * self.low_pass.variance.sqrt();
+            let beyond = 2.0 + 3.0 * self.low_pass.deviation;
             let side = |side: usize| [low[side] - beyond, high[side] + beyond];
             front.hides(side(0), side(1))
         };
