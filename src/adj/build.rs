@@ -336,8 +336,9 @@ fn report(
         HumanBytes(bytes),
     ));
     if findings.rounding > 0.0 {
-        let bits = facts.channels.value_bits;
-        print_result(&format!("values are stored in {bits} bits, rounded by at most {:.3}", findings.rounding));
+        let (bits, by) = (facts.channels.value_bits, findings.rounding);
+        let by = if (0.001..1e6).contains(&by) { format!("{by:.3}") } else { format!("{by:.3e}") };
+        print_result(&format!("values are stored in {bits} bits, rounded by at most {by}"));
     }
     if let Some(culled) = culled {
         print_result(&culled.line());

@@ -103,6 +103,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         }
         check_writable(path)?;
     }
+    if let (Some(diff), Some(json)) = (diff, json_file)
+        && is_same_file(diff, json)
+    {
+        return Err(Error::input("--json", "is the file of --diff, too; give another name"));
+    }
     let kind = diff.as_ref().map(|path| PictureKind::of(path)).transpose()?;
     let (a, b) = (read_picture(right)?, read_picture(other)?);
     let metrics = compare(&a, &b, *background)?;

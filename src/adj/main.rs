@@ -104,7 +104,11 @@ fn main() -> ExitCode {
         Err(error) => return usage(&error),
     };
     #[cfg(unix)]
-    cut_file::catch_cut_files();
+    {
+        cut_file::catch_cut_files();
+        // A write beyond the largest size of a file (ulimit -f) then fails, as on a full disk. Else it ends the process.
+        let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
+    }
     // A window and a server have nothing to finish: they end at once.
     if !matches!(cli.command, Command::View(_) | Command::Serve(_)) {
         progress::catch_interrupts();
@@ -203,9 +207,16 @@ fn printable(text: &str) -> String {
     text.chars().map(|c| if is_kept(c) { c.to_string() } else { c.escape_default().to_string() }).collect()
 }
 
-/// Returns whether both paths lead to the same existing file.
+/// Returns whether both paths lead to the same file, which need not exist yet.
 fn is_same_file(a: &Path, b: &Path) -> bool {
-    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+    let place = |path: &Path| {
+        path.canonicalize().ok().or_else(|| {
+            let folder = path.parent()?;
+            let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+            Some(folder.canonicalize().ok()?.join(path.file_name()?))
+        })
+    };
+    matches!((place(a), place(b)), (Some(a), Some(b)) if a == b)
 }
 
 /// Returns whether the regular file at `path` starts as `.adj` files do.

@@ -27,7 +27,7 @@ use super::resources::processors;
 use super::size::memory;
 use super::stored::{missing_values, stored_transfer};
 use super::values::{LevelChoice, level, number};
-use super::{Answer, print_note};
+use super::{Answer, is_same_file, print_note};
 use adjsplat::arena::{Arena, Levels};
 use adjsplat::build::Resources;
 use adjsplat::classify::TransferFunction;
@@ -119,17 +119,25 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let kind = PictureKind::of(&arguments.output)?;
     check_writable(&arguments.output)?;
     let input = Input::find(&arguments.input)?;
-    if let Some(stats) = &arguments.stats {
-        if input.has(stats) {
-            return Err(Error::input("--stats", "is the input itself, which it would replace; give another name"));
-        }
-        check_writable(stats)?;
-    }
     let outputs = if arguments.view.frames > 1 && kind != PictureKind::Apng {
         numbered(&arguments.output, arguments.view.frames)
     } else {
         vec![arguments.output.clone()]
     };
+    if let Some(stats) = &arguments.stats {
+        let is = |other: &str| {
+            Err(Error::input("--stats", format!("is {other}, which it would replace; give another name")))
+        };
+        let read = [arguments.classification.tf.as_deref(), arguments.view.camera.as_deref()];
+        if input.has(stats) {
+            return is("the input itself");
+        } else if outputs.iter().any(|output| is_same_file(stats, output)) {
+            return is("the picture, too");
+        } else if read.into_iter().flatten().any(|path| is_same_file(stats, Path::new(path))) {
+            return is("the file of --tf or --camera");
+        }
+        check_writable(stats)?;
+    }
     let mut settings = arguments.look.settings(arguments.view.size, arguments.threads.unwrap_or_else(processors))?;
     settings.clip = arguments.view.clip;
     let memory = arguments.memory;

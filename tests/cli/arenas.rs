@@ -186,6 +186,13 @@ fn render_leaves_its_input_alone() {
     let old = std::fs::read(folder.file("a.adj")).expect("it was built");
     let render = "render a.adj --size 20x20 -o a.png";
     folder.adj(&format!("{render} --stats a.adj")).refused(&["--stats", "the input itself"]);
+    folder.adj(&format!("{render} --stats ./a.png")).refused(&["--stats", "the picture, too"]);
+    folder.adj("render a.adj --frames 3 -o a.png --stats a-001.png").refused(&["--stats", "the picture, too"]);
+    std::fs::write(folder.file("look.json"), "{}").expect("it can be written");
+    folder.adj(&format!("{render} --tf look.json --stats look.json")).refused(&["--stats", "--tf or --camera"]);
+    folder.adj(&format!("{render} --camera look.json --stats look.json")).refused(&["--stats", "--tf or --camera"]);
+    assert_eq!(std::fs::read(folder.file("look.json")).expect("it is there"), b"{}");
+    std::fs::remove_file(folder.file("look.json")).expect("it is there");
     folder.adj(&format!("{render} --stats gone/a.json")).refused(&["gone", "create it first"]);
     folder.adj("render a.adj -o a.adj").refused(&["a.adj", ".png"]);
     assert_eq!(folder.names(), ["a.adj"]);

@@ -78,6 +78,7 @@ fn what_cannot_be_compared_is_refused() {
     refused("a.png a.png --max-error NaN", &["--max-error", "must be a number"]);
     refused("a.png a.png --background transparent", &["--background", "give a colour"]);
     refused("a.png small.png --diff a.png", &["--diff", "give another name"]);
+    refused("a.png a.png --diff d.png --json ./d.png", &["--json", "the file of --diff"]);
     refused("a.png a.png --diff gone/where.png", &["gone", "create it first"]);
     assert_eq!(folder.names(), ["a.png", "small.png", "text.exr", "text.png"]);
 }

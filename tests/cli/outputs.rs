@@ -201,6 +201,23 @@ fn a_file_that_is_replaced_keeps_its_permissions() {
     assert_eq!(mode("b.adj"), new, "a new file has the usual permissions");
 }
 
+/// By default a write beyond the limit ends the process without a word.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_limit_on_the_size_of_files_leaves_nothing_behind() {
+    let folder = Folder::new();
+    folder.adj("build phantom:corners --dims 40x40x40 -q -o a.adj").done();
+    for line in
+        ["build phantom:constant --dims 40x40x40 -o out.adj", "export a.adj -o out.nrrd", "split a.adj -o out.adjs"]
+    {
+        let mut shell = std::process::Command::new("sh");
+        shell.args(["-c", &format!("ulimit -f 2; exec \"$0\" {line}"), env!("CARGO_BIN_EXE_adj")]);
+        let ran = Ran::new(&shell.current_dir(folder.path()).output().expect("there is a shell"));
+        ran.refused(&["cannot write", "File too large"]);
+        assert_eq!(folder.names(), ["a.adj"], "{line}");
+    }
+}
+
 /// The disk is full at the header (nothing is written in less than a page), in the middle, and at the last page. A
 /// disk that says so only when it flushes is the next test's.
 #[test]

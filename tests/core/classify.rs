@@ -240,7 +240,7 @@ fn wrong_json_is_refused_with_the_place_and_the_remedy() {
         (r#"{"kind":"range","reference_length":0}"#.into(), "reference_length: is 0"),
         (points(&[]), "points: has 0, but needs at least 1"),
         (points(&[zero.clone(), point("1", "1.5")]), "points[1].opacity: is 1.5"),
-        (points(&[one.clone(), zero.clone()]), "points[1].value: is 0, below 1; sort them"),
+        (points(&[one.clone(), zero.clone()]), "points[1].value: is 0, below the 1 before it; sort them"),
         (points(&[zero.clone(), zero.clone(), zero.clone()]), "points[2].value: is 0, as two before it"),
         (points(&[point("null", "0")]), "line 1"),
         (points(&[point("\"1\"", "0")]), "line 1"),

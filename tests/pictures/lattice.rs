@@ -66,10 +66,11 @@ fn stamps_give_what_the_plain_twin_gives_on_the_same_plane() {
 
 #[test]
 fn voxels_of_unlike_spacings_are_what_the_plain_twin_draws() {
-    // A tile then has three voxels one way and four the other; in a perspective, pixels are 1.25 times as far apart one way.
+    // A tile then has three voxels one way and four the other; in a perspective, pixels are 1.25 times as far apart one way. Where
+    // voxels are much smaller one way, the plane is halved and smoothed that way only.
     let kernel = Some(KernelShape { sigma: 0.7, radius: 2.23 });
     let size = [61, 54];
-    for spacing in [[1.0, 1.0, 1.7], [1.0, 1.7, 1.0], [1.7, 1.0, 1.0]] {
+    for spacing in [[1.0, 1.0, 1.7], [1.0, 1.7, 1.0], [1.7, 1.0, 1.0], [0.2, 1.0, 1.0], [0.3, 0.2, 1.0]] {
         let built = build("gyroid", [30, 26, 28], spacing, 8);
         for view in [VIEWS[1], VIEWS[4], VIEWS[5], FALLING[0], FALLING[2]] {
             let cameras = [camera(&built, view, 0.75, size), built.orbit(view[0], view[1], Some(30.0), size)];
@@ -151,10 +152,11 @@ fn long_runs_that_hide_nothing_are_drawn_alike_by_the_plain_twin() {
 
 #[test]
 fn threads_and_instructions_leave_the_bits_alone() {
-    let built = build("gyroid", [40, 32, 36], [1.0; 3], 8);
     let size = [40, 61];
-    for view in VIEWS {
-        let camera = camera(&built, view, 0.7, size);
+    // Of the second scene the plane is smoothed along one axis.
+    let scenes = [[1.0; 3], [0.2, 1.0, 1.0]].map(|spacing| build("gyroid", [40, 32, 36], spacing, 8));
+    for (built, view) in scenes.iter().flat_map(|built| VIEWS.map(|view| (built, view))) {
+        let camera = camera(built, view, 0.7, size);
         let one = built.frame(&camera, &enough(size));
         for threads in [2, 5] {
             assert!(one == built.frame(&camera, &enough(size).with_threads(threads)), "{view:?}, {threads} threads");
@@ -188,6 +190,31 @@ fn the_fewest_pixels_give_a_draft_at_any_magnification() {
         }
         println!("{name}, {pixels} pixels a voxel: {worst:.1} dB in the worst view");
         assert!(worst > lowest, "{name}, {pixels}: {worst:.1} dB");
+    }
+}
+
+/// Voxels are much smaller than pixels along one axis, and as large as pixels or larger along another: the lattice has ten and more
+/// pixels one way, and half a one the other, for each of the picture's.
+#[test]
+fn small_pictures_of_unlike_spacings_are_not_coarse() {
+    let size = [96, 90];
+    for (spacing, lowest) in
+        [([1.0, 1.0, 8.0], 43.0), ([30.0, 1.0, 1.0], 37.0), ([1.0, 4.0, 1.0], 45.0), ([0.2, 1.0, 3.0], 40.0)]
+    {
+        let built = build("shells", [48, 48, 48], spacing, 8);
+        let mut worst = [f64::INFINITY; 2];
+        for [azimuth, elevation] in VIEWS.into_iter().chain(FALLING) {
+            for fov in [None, Some(30.0)] {
+                let camera = built.orbit(azimuth, elevation, fov, size);
+                let truth = built.frame(&camera, &Settings::new(size).with_quality(Quality::Reference));
+                for (worst, sampling) in worst.iter_mut().zip([Sampling::Enough, Sampling::Fewest]) {
+                    let drawn = built.frame(&camera, &enough(size).with_sampling(sampling));
+                    *worst = worst.min(decibels(&drawn, &truth, EMPTY));
+                }
+            }
+        }
+        println!("{spacing:?}: {:.1} dB in the worst view, {:.1} dB as a draft", worst[0], worst[1]);
+        assert!(worst[0].min(worst[1]) > lowest, "{spacing:?}: {worst:.1?} dB");
     }
 }
 

@@ -36,7 +36,7 @@ pub(super) struct LookArguments {
     /// by default that of --quality and --sharpness
     #[arg(long, value_name = "SIGMA,RADIUS", value_parser = kernel)]
     kernel: Option<KernelShape>,
-    /// End a ray when at most this share of its light is left, 0 to 1, which is also the most that a pixel loses;
+    /// End a ray when at most this share of its light is left, 0 to 1, which is also the most that a pixel's opacity loses;
     /// by default that of --quality
     #[arg(long, value_name = "T", value_parser = number(0.0..=1.0f32))]
     pub(super) termination: Option<f32>,

@@ -36,7 +36,7 @@ pub(super) struct ViewArguments {
     perspective: Option<f64>,
     /// Camera in world coordinates, as JSON or a file of it: position, target, up, and fov or height
     #[arg(long, value_name = "JSON|FILE", conflicts_with_all = ["azimuth", "elevation", "up", "zoom", "perspective"])]
-    camera: Option<String>,
+    pub(super) camera: Option<String>,
     /// Frames of a full turn around the vertical, 1 to 100000: numbered files, or one .apng
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = number(1..=100_000u32))]
     pub(super) frames: u32,

@@ -105,7 +105,7 @@ fn check_rising(field: &str, position: &str, positions: impl Iterator<Item = f64
     for (index, here) in positions.enumerate() {
         same = if here == last { same + 1 } else { 1 };
         let field = format!("{field}[{index}].{position}");
-        require(here >= last, &field, || format!("is {here}, below {last}; sort them"))?;
+        require(here >= last, &field, || format!("is {here}, below the {last} before it; sort them"))?;
         let before = if shared == 1 { "the one" } else { "two" };
         require(same <= shared, &field, || format!("is {here}, as {before} before it; move or remove it"))?;
         last = here;
