@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::progress::interrupted;
 use super::values::{Background, background};
-use super::{Answer, is_same_file, print_result};
+use super::{Answer, is_same_file, is_same_place, print_result};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
 use adjsplat_judge::metrics::{HeatMap, Metrics, compare};
@@ -104,7 +104,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         check_writable(path)?;
     }
     if let (Some(diff), Some(json)) = (diff, json_file)
-        && is_same_file(diff, json)
+        && is_same_place(diff, json)
     {
         return Err(Error::input("--json", "is the file of --diff, too; give another name"));
     }

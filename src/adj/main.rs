@@ -207,8 +207,13 @@ fn printable(text: &str) -> String {
     text.chars().map(|c| if is_kept(c) { c.to_string() } else { c.escape_default().to_string() }).collect()
 }
 
-/// Returns whether both paths lead to the same file, which need not exist yet.
+/// Returns whether both paths lead to the same existing file.
 fn is_same_file(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
+/// Returns whether both paths lead to the same file, which need not exist yet.
+fn is_same_place(a: &Path, b: &Path) -> bool {
     let place = |path: &Path| {
         path.canonicalize().ok().or_else(|| {
             let folder = path.parent()?;

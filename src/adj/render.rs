@@ -27,7 +27,7 @@ use super::resources::processors;
 use super::size::memory;
 use super::stored::{missing_values, stored_transfer};
 use super::values::{LevelChoice, level, number};
-use super::{Answer, is_same_file, print_note};
+use super::{Answer, is_same_file, is_same_place, print_note};
 use adjsplat::arena::{Arena, Levels};
 use adjsplat::build::Resources;
 use adjsplat::classify::TransferFunction;
@@ -131,7 +131,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         let read = [arguments.classification.tf.as_deref(), arguments.view.camera.as_deref()];
         if input.has(stats) {
             return is("the input itself");
-        } else if outputs.iter().any(|output| is_same_file(stats, output)) {
+        } else if outputs.iter().any(|output| is_same_place(stats, output)) {
             return is("the picture, too");
         } else if read.into_iter().flatten().any(|path| is_same_file(stats, Path::new(path))) {
             return is("the file of --tf or --camera");

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use adjsplat_tests::say;
 
-use super::harness::{Folder, RAW, Runs as _, adj, in_private_mounts};
+use super::harness::{Folder, RAW, Ran, Runs as _, adj, in_private_mounts};
 
 const BUILD: &str = "phantom:shells --dims 24x24x24 -o";
 
@@ -206,9 +206,9 @@ fn a_file_that_is_replaced_keeps_its_permissions() {
 #[cfg(target_os = "linux")]
 fn a_limit_on_the_size_of_files_leaves_nothing_behind() {
     let folder = Folder::new();
-    folder.adj("build phantom:corners --dims 40x40x40 -q -o a.adj").done();
+    folder.adj("build phantom:gyroid --dims 24x20x16 --range 90.. -q -o a.adj").done();
     for line in
-        ["build phantom:constant --dims 40x40x40 -o out.adj", "export a.adj -o out.nrrd", "split a.adj -o out.adjs"]
+        ["build phantom:constant --dims 40x40x40 -o out.adj", "export a.adj -o out.csv", "split a.adj -o out.adjs"]
     {
         let mut shell = std::process::Command::new("sh");
         shell.args(["-c", &format!("ulimit -f 2; exec \"$0\" {line}"), env!("CARGO_BIN_EXE_adj")]);

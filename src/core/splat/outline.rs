@@ -102,7 +102,7 @@ impl<'a> Outline<'a> {
     }
 
     /// Returns the largest `farthest` of a voxel. Only those lines are read whose boxes reach farther than the voxels found so far,
-    /// first those of the tile that reaches farthest: O(tiles).
+    /// first those of the tile that reaches farthest: O(tiles), and O(lines) of tiles at the outline.
     fn farthest_voxel(&self, at: [u16; 3], lane: &Lane, farthest: &dyn Fn(&VoxelBox) -> f64) -> f64 {
         let in_tile = |reached: f64, tile: &TileRecord| {
             let (bounds, most) = (tile_bounds(lane, tile), lane.dims[0] as usize);

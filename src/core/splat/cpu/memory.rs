@@ -21,8 +21,8 @@ const POINT: u64 = 64;
 /// Bytes per pixel, in a frame and in bands.
 const PIXEL: u64 = 4 * size_of::<f32>() as u64;
 
-/// Bytes per kept pixel of a lattice: in the frame that is warped, marks of what is drawn, and the halved frame.
-const LATTICE_PIXEL: u64 = PIXEL + 6;
+/// Bytes per kept pixel of a lattice: in the frame that is warped, and marks of what is drawn.
+const LATTICE_PIXEL: u64 = PIXEL + 2;
 /// Bytes per column of pixels of a band of a lattice: its pixels, with what pads their rows.
 const BAND_COLUMN: u64 = 4 * 32 * PIXEL;
 /// Bytes per column of pixels of the lists of a row of tiles, and of its spans.
@@ -41,8 +41,10 @@ pub enum Canvas {
     Lattice {
         /// The plane.
         size: [u32; 2],
-        /// What is kept: the plane, or one of half as many columns and rows.
+        /// What is kept: the plane, or one of half as many columns, rows, or both.
         kept: [u32; 2],
+        /// The most pixels that are halved or smoothed at once, into a second frame.
+        copied: u64,
     },
     /// Samples finer than pixels, drawn in strips of at most this number of columns and of rows.
     Finer([u32; 2]),
@@ -58,7 +60,9 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
     let order = walk_order(&view, grid, settings)?;
     // The depths are not known: opaque voxels may have a finer lattice than others, or none.
     let canvases = [0.0, MAX_DEPTH].map(|deepest| match Plane::choose(&view, &order, bounds, || deepest, settings) {
-        Some(Plane::Lattice(lattice)) => Canvas::Lattice { size: lattice.size, kept: lattice.kept() },
+        Some(Plane::Lattice(lattice)) => {
+            Canvas::Lattice { size: lattice.size, kept: lattice.kept(), copied: lattice.copied() }
+        }
         Some(Plane::Supersampling(supersampling)) => Canvas::Finer(supersampling.strip_size()),
         None => Canvas::Picture,
     });
@@ -82,13 +86,13 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settin
     let longest = dims.into_iter().max().map_or(0, u64::from).max(2_048);
     let drawing = match canvas {
         Canvas::Picture => bands(size),
-        Canvas::Lattice { size: plane, kept } => {
+        Canvas::Lattice { size: plane, kept, copied } => {
             let columns = u64::from(plane[0]);
             let kept = kept.into_iter().map(u64::from).product::<u64>();
             let band_columns = threads * (BAND_COLUMN + LISTS_COLUMN);
             // Very faint voxels are drawn on the picture.
             let slabs = threads * (SLAB + SLAB_POINT * longest);
-            (LATTICE_PIXEL * kept + band_columns * (columns + PADDING[0]) + slabs).max(bands(size))
+            (LATTICE_PIXEL * kept + PIXEL * copied + band_columns * (columns + PADDING[0]) + slabs).max(bands(size))
         }
         Canvas::Finer(size) => {
             let size = size.map(u64::from);

@@ -64,7 +64,7 @@ pub struct TileBuffer {
     initial_alpha: f32,
     /// Number of tiles from the start of one row of tiles to the next in `tiles`.
     pitch: usize,
-    /// Those that are fresh hold anything.
+    /// Fresh tiles may hold old values.
     tiles: Box<[PixelTile]>,
     /// The state of each tile.
     states: Vec<u8>,
@@ -246,7 +246,7 @@ impl TileBuffer {
 }
 
 /// Adds the means of pairs of pixels to a row of zeroes: of two columns, of two rows, or of both, as it `halves` them. `pixels` begin
-/// with the rows in question, of `columns` each; at the edge a row or a column may lack.
+/// with the rows in question, of `columns` each; at the edge a row or a column may be missing.
 pub(super) fn halve_rows(pixels: &[[f32; 4]], columns: usize, halves: [bool; 2], row: &mut [[f32; 4]]) {
     let [across, down] = halves.map(|halved| 1 + usize::from(halved));
     let share = 1.0 / (across * down) as f32;

@@ -8,7 +8,8 @@
 //!
 //! Where voxels are smaller than pixels, a Gaussian is the low-pass. If it is narrow, four points of the spline around
 //! each pixel of the picture stand for it. If not, it takes the plane's pixels themselves, and no spline is needed; where
-//! voxels are much smaller, the plane is halved first: the mean of two by two pixels becomes one.
+//! voxels are much smaller, the plane is halved first: the mean of two pixels becomes one. If it is narrow along one axis of the plane
+//! only, the plane is smoothed along the other one first.
 //!
 //! Source: Unser, Aldroubi and Eden, "B-spline signal processing", 1993: a recursive filter, then weights.
 
@@ -112,9 +113,13 @@ pub(super) fn halved(plane: &Frame, halves: [bool; 2], threads: usize) -> Result
 fn smoothed(plane: &Frame, side: usize, variance: f64, level: Level, threads: usize) -> Result<Frame> {
     /// Beyond it, weights of the widest filter are below 0.02 of the largest.
     const FAR: usize = 4;
-    let weights = std::array::from_fn::<f64, { 2 * FAR + 1 }, _>(|k| {
-        let distance = k as f64 - FAR as f64;
-        (-0.5 * distance * distance / variance).exp()
+    // Of a Gaussian that is narrow beside a pixel, samples would blur less than it does; three weights blur as much.
+    let is_narrow = variance < 0.3;
+    let weights = std::array::from_fn::<f64, { 2 * FAR + 1 }, _>(|k| match k.abs_diff(FAR) {
+        0 if is_narrow => 1.0 - variance,
+        1 if is_narrow => 0.5 * variance,
+        _ if is_narrow => 0.0,
+        distance => (-0.5 * (distance * distance) as f64 / variance).exp(),
     });
     let total: f64 = weights.iter().sum();
     let columns = plane.size()[0] as usize;

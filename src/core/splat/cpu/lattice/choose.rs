@@ -16,13 +16,19 @@ use crate::traverse::{Order, Sense, Viewpoint, VoxelBox};
 const MARGIN: f64 = 6.0;
 /// A plane is worthwhile if it has at most so many pixels for each pixel of the picture (over the same area).
 const MAX_PIXELS: f64 = 6.5;
-/// If a wide low-pass follows, it is also worthwhile if at most so many of its pixels are kept for the warp. They take 44 MiB.
+/// If pixels are averaged, it is also worthwhile if at most so many are kept for the warp. They take 36 to 68 MiB.
 const FEW_PIXELS: f64 = 2_097_152.0;
 /// Standard deviation of the low-pass in the picture's middle, along columns and along rows of the plane, above which the
 /// plane is halved first; in the plane's pixels.
 const WIDE: f64 = 1.4;
 /// Smallest one at which the pixels lie so near to each other that none is missed.
 const NARROW: f64 = 0.62;
+/// The same, at most, in the picture's middle, after halving: a plane that is seen obliquely is halved less.
+const WIDE_SLANTED: f64 = 2.0;
+/// Least width of a pixel of the picture on the halved plane, where a line along an axis crosses it, as a standard deviation in pixels of
+/// the plane; and the least of the filter that is left to do.
+const THIN: f64 = 0.6;
+const THINNEST: f64 = 0.45;
 /// Largest standard deviation toward the picture's corners, unless it is a draft: the warp takes four pixels on each side.
 const WIDEST: f64 = 3.0;
 /// Least distance from the eye to the nearest slice, in voxels: nearer slices are seen under too many angles.
@@ -114,7 +120,7 @@ impl Lattice {
             }
         };
         let pixels = |size: [u32; 2]| f64::from(size[0]) * f64::from(size[1]);
-        let is_small = match plane.low_pass.is_filtered() {
+        let is_small = match plane.low_pass.is_averaged() {
             true => pixels(plane.kept()) <= FEW_PIXELS,
             false => pixels(plane.size) <= 65_536.0,
         };
@@ -142,12 +148,20 @@ impl BoxExtent {
 impl LowPass {
     /// `moves`: how far a place on the plane moves, along columns and along rows, per column and per row of the picture; `width`: the
     /// standard deviation of the narrowest footprint in pixels of the picture.
-    fn new(moves: [[f64; 2]; 2], width: f64) -> LowPass {
+    ///
+    /// `None` if the plane is seen so obliquely that a pixel of the picture is a long, thin, slanted ellipse on it.
+    fn new(moves: [[f64; 2]; 2], width: f64) -> Option<LowPass> {
         let variance = (f64::from(LOW_PASS * LOW_PASS) - width * width).max(0.0);
         let deviation = variance.sqrt();
         let deviations = moves.map(|[x, y]| deviation * x.hypot(y));
+        // The ellipse's width, where a line along an axis crosses its middle, as a share of its whole extent along that axis.
+        let across = deviation * deviation * (moves[0][0] * moves[1][1] - moves[0][1] * moves[1][0]).abs();
+        let share = if deviation > 0.0 { across / (deviations[0] * deviations[1]) } else { 1.0 };
         // Voxels of unlike spacings may have a plane that is much finer one way than the other.
-        let halvings = deviations.map(|deviation| (deviation / WIDE).log2().ceil().clamp(0.0, 12.0) as u32);
+        let halvings = deviations.map(|deviation| {
+            let wanted = (deviation / WIDE).log2().ceil();
+            wanted.min((deviation * share / THIN).log2().floor()).clamp(0.0, 12.0) as u32
+        });
         let kept = |side: usize| moves[side].map(|moves| moves / f64::from(1u32 << halvings[side]));
         let [[a, b], [c, d]] = [kept(0), kept(1)];
         // Covariance in pixels of what is kept. The mean of 2^n pixels is a filter, too.
@@ -157,11 +171,19 @@ impl LowPass {
         let (finer, coarser) = if squares[0] > squares[1] { (0, 1) } else { (1, 0) };
         let is_wide = squares[coarser] >= NARROW * NARROW;
         let mut smoothing = [0.0; 2];
-        if !is_wide && squares[finer] > NARROW * NARROW {
+        if is_wide {
+            let thinnest = squares[coarser] - mixed * mixed / squares[finer];
+            if squares[finer] > WIDE_SLANTED * WIDE_SLANTED || thinnest < THINNEST * THINNEST {
+                return None;
+            }
+        } else if squares[finer] > NARROW * NARROW {
             // What a Gaussian along the finer axis leaves is a blur along one line, which two places stand for.
-            let left = if squares[coarser] > 0.0 { mixed * mixed / squares[coarser] } else { 0.0 };
-            smoothing[finer] = (squares[finer] - left).max(0.0);
-            squares[finer] -= smoothing[finer];
+            let left = mixed * mixed / squares[coarser].max(f64::MIN_POSITIVE);
+            if left > NARROW * NARROW {
+                return None;
+            }
+            smoothing[finer] = squares[finer] - left;
+            squares[finer] = left;
         }
         let ([xx, yy], area) = (squares, a * d - b * c);
         let covariance = [
@@ -169,11 +191,12 @@ impl LowPass {
             -c * d * xx + (a * d + b * c) * mixed - a * b * yy,
             c * c * xx - 2.0 * a * c * mixed + a * a * yy,
         ];
-        LowPass { halvings, smoothing, covariance: covariance.map(|part| part / (area * area)), is_wide, deviation }
+        let covariance = covariance.map(|part| part / (area * area));
+        Some(LowPass { halvings, smoothing, covariance, is_wide, deviation })
     }
 
-    /// Returns whether pixels of the plane are so fine that not all are kept, or that they are filtered as they are.
-    fn is_filtered(&self) -> bool {
+    /// Returns whether pixels of the plane are so fine that not all are kept, or that they are averaged as they are.
+    fn is_averaged(&self) -> bool {
         self.is_wide || self.halvings != [0, 0]
     }
 
@@ -233,8 +256,8 @@ fn parallel(
     if !shift.iter().all(|shift| shift.abs() < 1.001) {
         return None;
     }
-    let low_pass = LowPass::new([0, 1].map(|side: usize| inverse[side].map(|moves| per_voxel[side] * moves)), width);
-    if !low_pass.is_filtered() && per_voxel[0] * per_voxel[1] / area.abs() > MAX_PIXELS {
+    let low_pass = LowPass::new([0, 1].map(|side: usize| inverse[side].map(|moves| per_voxel[side] * moves)), width)?;
+    if !low_pass.is_averaged() && per_voxel[0] * per_voxel[1] / area.abs() > MAX_PIXELS {
         return None;
     }
     let [columns, rows] = view.size.map(f64::from);
@@ -328,7 +351,7 @@ fn perspective(
         let along = |side: usize, k: usize| column(k)[side] - at[side] / at[0] * column(k)[0];
         [1, 2].map(|side: usize| [0, 1].map(|k| along(side, k) / (at[0] * step[side - 1])))
     };
-    let low_pass = LowPass::new(moves(0.5 * columns, 0.5 * rows), width);
+    let low_pass = LowPass::new(moves(0.5 * columns, 0.5 * rows), width)?;
     let widest = low_pass.halvings.map(|halvings| widest * f64::from(1u32 << halvings) / low_pass.deviation);
     let ends = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]];
     let is_too_wide = ends.into_iter().any(|[x, y]: [f64; 2]| {

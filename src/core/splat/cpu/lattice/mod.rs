@@ -135,6 +135,15 @@ impl Lattice {
         [0, 1].map(|side| self.size[side] >> u32::from(self.halves()[side]))
     }
 
+    /// Returns the most pixels that the warp has in a second frame, halved or smoothed, beside what is kept.
+    pub(super) fn copied(&self) -> u64 {
+        let LowPass { halvings, smoothing, .. } = self.low_pass;
+        let kept = self.kept().map(u64::from);
+        let halved = [0, 1].map(|side: usize| if halvings[side] > 1 { kept[side].div_ceil(2) } else { kept[side] });
+        // Only what is neither halved again nor smoothed is not copied.
+        if halved != kept || smoothing != [0.0; 2] { halved[0] * halved[1] } else { 0 }
+    }
+
     /// Returns whether it is halved along columns, and along rows.
     pub(super) fn halves(&self) -> [bool; 2] {
         self.low_pass.halvings.map(|halvings| halvings > 0)
