@@ -207,9 +207,11 @@ fn a_file_that_is_replaced_keeps_its_permissions() {
 fn a_limit_on_the_size_of_files_leaves_nothing_behind() {
     let folder = Folder::new();
     folder.adj("build phantom:gyroid --dims 24x20x16 --range 90.. -q -o a.adj").done();
-    for line in
-        ["build phantom:constant --dims 40x40x40 -o out.adj", "export a.adj -o out.csv", "split a.adj -o out.adjs"]
-    {
+    for line in [
+        "build phantom:constant --dims 40x40x40 -o out.adj",
+        "export a.adj -o out.csv",
+        "split a.adj -o out.adjs --slab 8",
+    ] {
         let mut shell = std::process::Command::new("sh");
         shell.args(["-c", &format!("ulimit -f 2; exec \"$0\" {line}"), env!("CARGO_BIN_EXE_adj")]);
         let ran = Ran::new(&shell.current_dir(folder.path()).output().expect("there is a shell"));

@@ -202,12 +202,12 @@ fn the_fewest_pixels_give_a_draft_at_any_magnification() {
 #[test]
 fn small_pictures_of_unlike_spacings_are_not_coarse() {
     let size = [96, 90];
-    for (spacing, lowest) in
-        [([1.0, 1.0, 8.0], 43.0), ([30.0, 1.0, 1.0], 37.0), ([1.0, 4.0, 1.0], 45.0), ([0.2, 1.0, 3.0], 40.0)]
-    {
+    // Seen so, the planes across x lie nearly along the view direction where slices are close to each other.
+    let slanted = [[15.0, 45.0], [160.0, 25.0]];
+    for spacing in [[1.0, 1.0, 8.0], [30.0, 1.0, 1.0], [1.0, 4.0, 1.0], [0.2, 1.0, 3.0], [0.1, 1.0, 1.0]] {
         let built = build("shells", [48, 48, 48], spacing, 8);
         let mut worst = [f64::INFINITY; 2];
-        for [azimuth, elevation] in VIEWS.into_iter().chain(FALLING) {
+        for [azimuth, elevation] in VIEWS.into_iter().chain(FALLING).chain(slanted) {
             for fov in [None, Some(30.0)] {
                 let camera = built.orbit(azimuth, elevation, fov, size);
                 let truth = built.frame(&camera, &Settings::new(size).with_quality(Quality::Reference));
@@ -218,7 +218,7 @@ fn small_pictures_of_unlike_spacings_are_not_coarse() {
             }
         }
         println!("{spacing:?}: {:.1} dB in the worst view, {:.1} dB as a draft", worst[0], worst[1]);
-        assert!(worst[0].min(worst[1]) > lowest, "{spacing:?}: {worst:.1?} dB");
+        assert!(worst[0] > 40.0 && worst[1] > 37.0, "{spacing:?}: {worst:.1?} dB");
     }
 }
 
