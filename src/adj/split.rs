@@ -50,7 +50,7 @@ pub(super) struct CutArguments {
     #[command(flatten)]
     bricks: BrickArguments,
     /// Axes across which slabs are cut. With xyz every voxel is stored three times, and pictures brick by brick are exact
-    /// from every side
+    /// from every side, if voxels are not smaller than pixels
     #[arg(long, value_name = "AXES", default_value = "z", conflicts_with = "brick", value_parser = choice(PARTITIONS))]
     partition: PartitionChoice,
     /// Points along an axis that a voxel of the preview stands for; 1 makes no preview. By default the preview has at most
