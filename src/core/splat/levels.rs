@@ -36,6 +36,9 @@ const WORTHWHILE: f64 = 0.4;
 /// The largest crowding of level 1 whose matter is not thin. Crowding is how many blocks are needed for each that the voxels of
 /// level 0 would fill: 1.04 to 1.52 in solids (mr has the most), 1.75 in shells, 2.2 in sheets of two voxels, 7.7 in specks. The
 /// blocks of thin matter hold both sides of a sheet, of which a level has one colour.
+///
+/// It holds for blocks of eight points; of four points the power 2/3 holds, of two the power 1/3. Shells of 48^3 points with spacings of
+/// 1 : 1 : 3, whose blocks have four, have a crowding of 1.51 and 32 dB at standard.
 const THIN: f64 = 1.6;
 /// The same for label maps, whose blocks hold several labels: 1.04 in an atlas of large organs, 1.16 in a frog of thin ones.
 const THIN_LABELS: f64 = 1.1;
@@ -139,7 +142,8 @@ fn share(scene: &Scene, level: usize) -> f64 {
 fn is_thin(scene: &Scene) -> bool {
     let points: u32 = factors(&scene.facts.grid, &facts_of(scene, 1).grid).iter().product();
     let crowding = share(scene, 1) * f64::from(points);
-    crowding > if scene.transfer.is_labels() { THIN_LABELS } else { THIN }
+    let most = if scene.transfer.is_labels() { THIN_LABELS } else { THIN };
+    crowding > most.powf(f64::from(points).log2() / 3.0)
 }
 
 /// Returns the facts of a level, which the scene has.
