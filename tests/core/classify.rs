@@ -254,7 +254,7 @@ fn wrong_json_is_refused_with_the_place_and_the_remedy() {
         ),
         (regions(std::slice::from_ref(&zero)), "knots: has 1, but needs at least 2"),
         (regions(&[zero.clone(), zero.clone()]), "knots[1].value: is 0, as the one before it"),
-        (regions(&[one.clone(), zero.clone()]), "knots[1].value: is 0, below 1"),
+        (regions(&[one.clone(), zero.clone()]), "knots[1].value: is 0, below the 1 before it"),
         (contour(r#""value":1e400,"opacity":1"#), "out of range"),
         (contour(r#""value":1,"opacity":1,"width":-1"#), "contours[0].width: is -1"),
         (contour(r#""value":1,"opacity":1,"width":Infinity"#), "line 1"),
