@@ -221,9 +221,9 @@ def split(
     `slab` is the number of slices of a brick along z; or `brick` its number of points (z, y, x), 0 where an axis is not
     cut. With `partition="xyz"` every voxel is stored three times, in slabs across z, y and x, and pictures brick by brick
     are exact from every side, if voxels are not smaller than pixels. The collection's preview has every `preview`-th point
-    along each axis; 1: it has none. By default it has at most 16 million voxels, and none if the whole has no more. Bricks keep the levels of detail whose
-    blocks no border divides: with borders at multiples of 8 points, three or more. If these are all that the file has,
-    `Collection.join` makes the same file of it again, byte for byte.
+    along each axis; 1: it has none. By default it has at most 16 million voxels, and none if the whole has no more. Bricks
+    keep the levels of detail whose blocks no border divides: with borders at multiples of 8 points, three or more. If these
+    are all that the file has, `Collection.join` makes the same file of it again, byte for byte.
 
     >>> adj.split(f, "cubes.adjs", brick=(32, 32, 32)).count == f.count
     True
