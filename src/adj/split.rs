@@ -17,7 +17,7 @@ use adjsplat::file::AdjFile;
 /// Split an .adj file into a collection: a folder of bricks, each an .adj file of its own
 ///
 /// Bricks keep the coarser levels of detail whose blocks no border divides: with borders at multiples of 8 points, three of them or
-/// more. Others are left out. Apart from these adj join makes the same file again, byte for byte. The volume is not needed.
+/// more. Others are left out. If none is, adj join makes the same file again, byte for byte. The volume is not needed.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj split head.adj -o head.adjs --slab 64\n  adj split head.adj -o head.adjs --brick 128x128x128"

@@ -80,7 +80,7 @@ pub(crate) fn in_parts<T: Send>(rows: &mut [T], len: usize, threads: usize, fill
 /// Calls `work` with each of `items` on up to `threads` threads, the caller's thread among them. Returns the results in item order.
 ///
 /// Each thread creates its own buffer with `scratch`, passes it to every call of `work`, and takes the next item when it is done
-/// with one.
+/// with one. All items are worked on, whatever the results.
 ///
 /// # Panics
 /// If `work` panics.

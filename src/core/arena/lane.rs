@@ -343,8 +343,8 @@ impl<'a> Lane<'a> {
         })
     }
 
-    /// Returns the coordinates on the lane's axis of the first and the last voxel of the line with `records` for which `counts`, which
-    /// gets a coordinate and a record index, is true; `None` if there is none. Asks from both ends of the line on.
+    /// Returns the coordinates of the first and the last voxel that counts on the line with `records`; `None` if none does. `counts`
+    /// takes a voxel's coordinate on the lane's axis and its record index. It is asked from both ends of the line inward.
     pub(crate) fn line_extent(&self, records: Range<usize>, counts: impl Fn(u32, usize) -> bool) -> Option<[u32; 2]> {
         let (first, _) = self.line_voxels(records.clone()).find(|&(x, record)| counts(x, record))?;
         let steps = self.steps_of(records.clone());

@@ -37,8 +37,8 @@ const WORTHWHILE: f64 = 0.4;
 /// level 0 would fill: 1.04 to 1.52 in solids (mr has the most), 1.75 in shells, 2.2 in sheets of two voxels, 7.7 in specks. The
 /// blocks of thin matter hold both sides of a sheet, of which a level has one colour.
 ///
-/// It holds for blocks of eight points; of four points the power 2/3 holds, of two the power 1/3. Shells of 48^3 points with spacings of
-/// 1 : 1 : 3, whose blocks have four, have a crowding of 1.51 and 32 dB at standard.
+/// This is the bound for blocks of eight points. For blocks of four it is raised to the power 2/3, for blocks of two to 1/3: shells of
+/// 48^3 points with spacings of 1 : 1 : 3, whose blocks have four points, have a crowding of 1.51, and 32 dB from level 1.
 const THIN: f64 = 1.6;
 /// The same for label maps, whose blocks hold several labels: 1.04 in an atlas of large organs, 1.16 in a frog of thin ones.
 const THIN_LABELS: f64 = 1.1;

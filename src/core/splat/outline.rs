@@ -104,25 +104,23 @@ impl<'a> Outline<'a> {
     /// Returns the largest `farthest` of a voxel. Only those lines are read whose boxes reach farther than the voxels found so far,
     /// first those of the tile that reaches farthest: O(tiles), and O(lines) of tiles at the outline.
     fn farthest_voxel(&self, at: [u16; 3], lane: &Lane, farthest: &dyn Fn(&VoxelBox) -> f64) -> f64 {
+        let bound = |part: VoxelBox| self.inside(&part).map(|part| farthest(&part));
         let in_tile = |reached: f64, tile: &TileRecord| {
             let (bounds, most) = (tile_bounds(lane, tile), lane.dims[0] as usize);
             let lines = lane.tile_lines(tile, u64::MAX).filter(|line| line.records.len() <= most);
             lines.fold(reached, |reached, line| {
-                let part = |[low, high]: [u16; 2]| {
-                    let [y, z] = [line.u, line.v].map(|c| u16::try_from(c).unwrap_or(u16::MAX));
-                    moved(VoxelBox { low: [low, y, z], high: [high, y, z] }, at)
-                };
-                let bound = self.inside(&part([bounds.low[0], bounds.high[0]])).map(|part| farthest(&part));
-                if bound.is_none_or(|bound| bound <= reached) {
+                let place = |c: u32| u16::try_from(c).unwrap_or(u16::MAX);
+                let [y, z] = [line.u, line.v].map(place);
+                let part = |[low, high]: [u16; 2]| moved(VoxelBox { low: [low, y, z], high: [high, y, z] }, at);
+                if bound(part([bounds.low[0], bounds.high[0]])).is_none_or(|bound| bound <= reached) {
                     return reached;
                 }
-                let ends = |x: u32| [u16::try_from(x).unwrap_or(u16::MAX); 2];
-                let counts = |x, record| lane.shows(record) && self.inside(&part(ends(x))).is_some();
+                let counts = |x, record| lane.shows(record) && self.inside(&part([place(x); 2])).is_some();
                 let extent = lane.line_extent(line.records, counts);
-                extent.map_or(reached, |[first, last]| reached.max(farthest(&part([ends(first)[0], ends(last)[0]]))))
+                extent.map_or(reached, |extent| reached.max(farthest(&part(extent.map(place)))))
             })
         };
-        let of_tile = |tile| self.inside(&moved(tile_bounds(lane, tile), at)).map(|part| farthest(&part));
+        let of_tile = |tile| bound(moved(tile_bounds(lane, tile), at));
         let bounded = lane.sweep_tiles().filter_map(|tile| Some((of_tile(tile)?, tile)));
         let Some((_, first)) = bounded.max_by(|(a, _), (b, _)| a.total_cmp(b)) else { return f64::NEG_INFINITY };
         lane.sweep_tiles().fold(in_tile(f64::NEG_INFINITY, first), |reached, tile| match of_tile(tile) {

@@ -67,7 +67,7 @@ impl Lattice {
     /// along a ray as long as the mean voxel spacing.
     ///
     /// `None` if `settings` ask for other samples, another mode or another direction, if `order` is not the view's own,
-    /// if the eye is among or near the slices, or if the plane would have to be too large.
+    /// if the eye is among or near the slices, if the plane is seen too obliquely, or if it would have to be too large.
     pub(in super::super) fn new(
         view: &View,
         order: &Order,

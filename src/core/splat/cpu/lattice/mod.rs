@@ -140,7 +140,7 @@ impl Lattice {
         let LowPass { halvings, smoothing, .. } = self.low_pass;
         let kept = self.kept().map(u64::from);
         let halved = [0, 1].map(|side: usize| if halvings[side] > 1 { kept[side].div_ceil(2) } else { kept[side] });
-        // Only what is neither halved again nor smoothed is not copied.
+        // A plane that is neither halved again nor smoothed is not copied.
         if halved != kept || smoothing != [0.0; 2] { halved[0] * halved[1] } else { 0 }
     }
 
