@@ -577,7 +577,7 @@ def check_levels(browser, folder):
         Tenth.sent = 0
         Tenth.may_go_on.clear()
         viewer = Viewer(browser, f"{base}?file={os.path.basename(file)}", WATCH)
-        wait("a picture from a tenth of the file", lambda: viewer.state().get("quality"))
+        wait("a picture from a tenth of the file", lambda: viewer.page.evaluate("seen.length"))
         first, size = viewer.page.evaluate("seen[0].fetched"), os.path.getsize(file)
         assert 0 < first <= Tenth.sent <= size / 10, (first, Tenth.sent, size)
         print(f"{os.path.basename(file)}: the first picture after {first} of {size} bytes, {first / size:.1%}")
@@ -587,7 +587,8 @@ def check_levels(browser, folder):
         viewer, size = begun(phantom)
         Tenth.may_go_on.set()
         near = decibels(viewer.picture(), of_program(phantom, viewer, folder))
-        seen = viewer.page.evaluate("seen")
+        # What was noted up to the next picture of the window, with the last change.
+        seen = viewer.page.evaluate("new Promise((done) => requestAnimationFrame(() => done(seen)))")
         rested = viewer.state()["fetched"][0]
         assert near > NEAR and seen[-1]["quality"] == "high" and seen[-1]["whole"], (near, seen)
         assert rested < 0.4 * size, f"a lane of the voxels, and one of each level: {seen}"
