@@ -9,7 +9,7 @@ use adjsplat::splat::{
 use adjsplat::traverse::{Sense, VoxelBox};
 use adjsplat::volume::Grid;
 use adjsplat_tests::pictures::{apart, bits};
-use adjsplat_tests::scenes::{Draw as _, LIT, PLAIN, packed, transfer};
+use adjsplat_tests::scenes::{Draw as _, LIT, PLAIN, at_least, packed, transfer};
 
 /// Opacity per world length of 1, one colour.
 fn constant(opacity: f64, colour: &str) -> TransferFunction {
@@ -249,6 +249,35 @@ fn one_colour_stays_one_colour() {
     let pairs = black.pixels().chunks_exact(4).zip(white.pixels().chunks_exact(4)).zip(frame.pixels().chunks_exact(4));
     for ((black, white), pixel) in pairs {
         assert!((white[0] - black[0] - (1.0 - pixel[3])).abs() < 1e-6);
+    }
+}
+
+/// A file may be drawn with a narrower function than it was built with. At `standard` and `draft` a parallel view drew all its
+/// voxels if those shown have one opacity, and a maximum took the hidden ones into account.
+#[test]
+fn voxels_that_a_narrower_function_hides_are_not_drawn() {
+    let dims = [24, 20, 22];
+    let value = |[x, y, z]: [u16; 3]| {
+        let is_corner = x % 23 == 0 && y % 19 == 0 && z % 21 == 0;
+        if is_corner { 200 } else { 40 + (x * 5 + y * 7 + z * 3) % 160 }
+    };
+    // The same voxels with hidden ones among them, and alone.
+    let [all, shown] = [0, 150].map(|least| {
+        packed(Grid::new(dims, [1.0; 3]).unwrap(), PLAIN, at_least(150.0), |at| {
+            (value(at) >= least).then_some(Record { value: value(at), ..Record::default() })
+        })
+    });
+    assert!(all.facts.visible_voxels > 2 * shown.facts.visible_voxels);
+    let size = [64, 60];
+    for mode in [Mode::Composite, Mode::Additive, Mode::Maximum, Mode::MaximumGrey] {
+        for fov in [None, Some(40.0)] {
+            let camera = shown.orbit(35.0, 25.0, fov, size);
+            for quality in Quality::ALL {
+                let settings = Settings::new(size).with_mode(mode).with_exposure(0.5).with_quality(quality);
+                let [all, shown] = [&all, &shown].map(|model| model.frame(&camera, &settings));
+                assert!(bits(&all) == bits(&shown), "{mode:?} {fov:?} {quality:?}");
+            }
+        }
     }
 }
 

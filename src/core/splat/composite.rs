@@ -129,8 +129,9 @@ impl<'a> Table<'a> {
             let [red, green, blue] = scene.transfer.colour(scene.facts.scales.value(code.into()));
             match key {
                 LookKey::Value if mode.is_maximum() => {
+                    let is_visible = stored_opacity(scene.transfer, &scene.facts.scales, code, f64::MAX) > 0.0;
                     let normalised = (f32::from(code) / f32::from(brightest)).min(1.0);
-                    table.looks.push([normalised; 4]);
+                    table.looks.push([if is_visible { normalised } else { 0.0 }; 4]);
                 }
                 // Without stored magnitudes, every gradient counts as the largest.
                 LookKey::Value => table.looks.push([red, green, blue, table.depth(code, f64::MAX)]),
@@ -210,7 +211,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Returns the depth of all looks that are not transparent, if it is one.
+    /// Returns the depth of all looks that are not transparent, if it is one. Voxels that the function hides have 0.
     pub(crate) fn only_depth(&self) -> Option<f32> {
         let mut depths = self.looks.iter().map(|look| look[3]).filter(|depth| *depth > 0.0);
         let first = depths.next()?;

@@ -44,6 +44,10 @@ impl Weights<'_> {
                 };
                 let Some(stamp) = stamps.stamp(stamp - lower) else { break };
                 if ONE_DEPTH {
+                    // The stamps are of the visible codes' depth; a function may hide others.
+                    if depth == 0.0 {
+                        continue;
+                    }
                     tile.blend::<B>(stamp, [red, green, blue], stop);
                 } else {
                     tile.blend::<B>(&amounts::<B>(stamp, depth), [red, green, blue], stop);

@@ -9,10 +9,11 @@
 //! Where voxels are smaller than pixels, a Gaussian is the low-pass. If it is narrow, four points of the spline around
 //! each pixel of the picture stand for it. If not, it takes the plane's pixels themselves, and no spline is needed; where
 //! voxels are much smaller, the plane is halved first: the mean of two pixels becomes one. If it is narrow along one axis of the plane
-//! only, the plane is smoothed along the other one first.
+//! only, the spline is along that axis, and the Gaussian along the other.
 //!
 //! Source: Unser, Aldroubi and Eden, "B-spline signal processing", 1993: a recursive filter, then weights.
 
+use std::f64::consts::LOG2_E;
 use std::ops::Range;
 
 use fearless_simd::prelude::*;
@@ -39,7 +40,7 @@ const PART: usize = 1 << 16;
 /// Computes the picture from `plane`, what is kept of the frame drawn on `lattice`, whose alphas are at most `most`. The result
 /// does not depend on `level` and `threads`.
 pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, level: Level, threads: usize) -> Result<Frame> {
-    let LowPass { halvings, smoothing, covariance, is_wide, .. } = lattice.low_pass;
+    let LowPass { halvings, covariance, is_wide, .. } = lattice.low_pass;
     let mut plane_from_pixel = lattice.plane_from_pixel;
     for halving in 0..halvings[0].max(halvings[1]) {
         let halves = halvings.map(|halvings| halving < halvings);
@@ -53,49 +54,57 @@ pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, level: Level,
             *line = [0, 1, 2].map(|k: usize| 0.5 * (line[k] - 0.5 * divisor[k]));
         }
     }
-    for (side, variance) in smoothing.into_iter().enumerate().filter(|(_, variance)| *variance > 0.0) {
-        plane = smoothed(&plane, side, variance, level, threads)?;
-    }
     let mut picture = Frame::transparent(lattice.picture)?;
     let [columns, rows] = plane.size().map(|side| side as usize);
     let plane_threads = threads.min(columns * rows / PART).max(1);
     // How many of the plane's pixels, from a place on, matter for it on each side.
-    let around = if is_wide { TAPS / 2 } else { 2 };
-    let Some(covered) = Covered::of(&plane, if is_wide { around } else { 1 }, plane_threads) else {
+    let around = is_wide.map(|is_wide| if is_wide { TAPS / 2 } else { 2 });
+    let reach = if is_wide == [false; 2] { 1 } else { TAPS / 2 };
+    let Some(covered) = Covered::of(&plane, reach, plane_threads) else {
         return Ok(picture);
     };
-    let inner = |range: &Range<usize>, end: usize| {
+    let inner = |range: &Range<usize>, end: usize, around: usize| {
         [range.start.max(around - 1) as f64, range.end.min(end - around) as f64 - 0.001]
     };
-    let within = [inner(&covered.columns, columns), inner(&covered.rows, rows)];
-    if is_wide {
-        let samples = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
-        picture.fill_rows(threads, |y, row| {
-            dispatch!(level, simd => blur(simd, &samples, &plane_from_pixel, covariance, y as f64, row));
-        });
-        return Ok(picture);
-    }
+    let within = [inner(&covered.columns, columns, around[0]), inner(&covered.rows, rows, around[1])];
     let len = 4 * columns;
     let drawn = &mut plane.pixels_mut()[len * covered.rows.start..len * covered.rows.end];
-    filter_rows(drawn, len, covered.columns.clone(), level, plane_threads);
-    filter_columns(drawn, len, covered.columns, level, plane_threads);
-    // The mean of four points, each one standard deviation from the pixel along two axes, blurs with that covariance.
-    let [xx, xy, yy] = covariance;
+    if !is_wide[0] {
+        filter_rows(drawn, len, covered.columns.clone(), level, plane_threads);
+    }
+    if !is_wide[1] {
+        filter_columns(drawn, len, covered.columns, level, plane_threads);
+    }
+    let samples = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
+    let map = &plane_from_pixel;
+    match is_wide {
+        [true, true] => picture.fill_rows(threads, |y, row| {
+            dispatch!(level, simd => blur(simd, &samples, map, covariance, y as f64, row));
+        }),
+        [false, false] => {
+            let corners = corners(covariance);
+            let is_point = corners.as_flattened().iter().all(|distance| distance.abs() < MIN_BLUR);
+            picture.fill_rows(threads, |y, row| match is_point {
+                true => dispatch!(level, simd => resample(simd, &samples, map, &[[0.0; 2]], most, y as f64, row)),
+                false => dispatch!(level, simd => resample(simd, &samples, map, &corners, most, y as f64, row)),
+            });
+        }
+        [is_across, _] => picture.fill_rows(threads, |y, row| match is_across {
+            true => dispatch!(level, simd => blur_along::<_, 0>(simd, &samples, map, covariance, most, y as f64, row)),
+            false => dispatch!(level, simd => blur_along::<_, 1>(simd, &samples, map, covariance, most, y as f64, row)),
+        }),
+    }
+    Ok(picture)
+}
+
+/// Returns four points around a pixel, in pixels of the picture, whose mean blurs with this covariance: each is one standard
+/// deviation away along two axes.
+fn corners([xx, xy, yy]: [f64; 3]) -> [[f64; 2]; 4] {
     let distance = xx.max(0.0).sqrt();
     let aside = if distance > 0.0 { xy / distance } else { 0.0 };
     let other = (yy - aside * aside).max(0.0).sqrt();
-    let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
-        .map(|[one, two]: [f64; 2]| [one * distance, one * aside + two * other]);
-    let coefficients = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
-    picture.fill_rows(threads, |y, row| {
-        let (from, map, y) = (&coefficients, &plane_from_pixel, y as f64);
-        if distance.max(other) < MIN_BLUR {
-            dispatch!(level, simd => resample(simd, from, map, &[[0.0; 2]], most, y, row));
-        } else {
-            dispatch!(level, simd => resample(simd, from, map, &corners, most, y, row));
-        }
-    });
-    Ok(picture)
+    [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
+        .map(|[one, two]: [f64; 2]| [one * distance, one * aside + two * other])
 }
 
 /// Returns a plane of half as many columns, if it `halves` them, and of half as many rows, if it halves these. Its pixels are means;
@@ -107,36 +116,6 @@ pub(super) fn halved(plane: &Frame, halves: [bool; 2], threads: usize) -> Result
     let rows = plane.pixels().as_chunks().0;
     halved.fill_rows(threads, |y, row| halve_rows(&rows[each[1] as usize * y * columns..], columns, halves, row));
     Ok(halved)
-}
-
-/// Returns the plane under a Gaussian along its columns (`side` 0: from left to right) or its rows (1: downward).
-fn smoothed(plane: &Frame, side: usize, variance: f64, level: Level, threads: usize) -> Result<Frame> {
-    /// Beyond it, weights of the widest filter are below 0.02 of the largest.
-    const FAR: usize = 4;
-    // Of a Gaussian that is narrow beside a pixel, samples would blur less than it does; three weights blur as much.
-    let is_narrow = variance < 0.3;
-    let weights = std::array::from_fn::<f64, { 2 * FAR + 1 }, _>(|k| match k.abs_diff(FAR) {
-        0 if is_narrow => 1.0 - variance,
-        1 if is_narrow => 0.5 * variance,
-        _ if is_narrow => 0.0,
-        distance => (-0.5 * (distance * distance) as f64 / variance).exp(),
-    });
-    let total: f64 = weights.iter().sum();
-    let columns = plane.size()[0] as usize;
-    let (rows, mut smoothed) = (plane.pixels().chunks_exact(4 * columns), Frame::transparent(plane.size())?);
-    let rows: Vec<&[f32]> = rows.collect();
-    smoothed.fill_rows(threads, |y, row| {
-        dispatch!(level, _ => for (k, weight) in weights.iter().enumerate() {
-            let (across, down) = if side == 0 { (k, FAR) } else { (FAR, k) };
-            let Some(from) = (y + down).checked_sub(FAR).and_then(|y| rows.get(y)) else { continue };
-            let weight = (weight / total) as f32;
-            let to = row.as_flattened_mut().iter_mut().skip(4 * FAR.saturating_sub(across));
-            for (value, from) in to.zip(from.iter().skip(4 * across.saturating_sub(FAR))) {
-                *value += weight * from;
-            }
-        });
-    });
-    Ok(smoothed)
 }
 
 /// Which pixels of a plane something was drawn on.
@@ -314,9 +293,7 @@ fn resample<S: Simd, const POINTS: usize>(
     let seen = points.map(|point| from.columns_seen(line(point, 0.0), row.len()));
     let seen = seen.into_iter().filter(|columns| !columns.is_empty());
     let columns = seen.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or_default();
-    // The rows of coefficients from each row of the plane on, all of one length.
-    let len = from.values.len() - 3 * from.columns;
-    let values = [0, 1, 2, 3].map(|k| &from.values[k * from.columns..][..len]);
+    let rows: [&[[f32; 4]]; 4] = from.rows();
     for first in columns.clone().step_by(TOGETHER) {
         let pixels = &mut row[first..columns.end.min(first + TOGETHER)];
         let mut at = [PlanePoints::at_zero(simd); POINTS];
@@ -337,10 +314,10 @@ fn resample<S: Simd, const POINTS: usize>(
                 continue;
             }
             let mut sum = f32x4::splat(simd, 0.0);
-            for (at, weights) in at.iter().zip(&weights) {
+            for (at, [across, down]) in at.iter().zip(&weights) {
                 if POINTS == 1 || at.near >> i & 1 == 1 {
                     let first = (at.pixel[i] as usize).wrapping_sub(from.columns + 1);
-                    sum += spline(simd, &values, first, weights, i);
+                    sum += weighted(simd, &rows, first, (across, down), i);
                 }
             }
             *pixel = in_range(sum * (1.0 / POINTS as f32), most);
@@ -348,25 +325,29 @@ fn resample<S: Simd, const POINTS: usize>(
     }
 }
 
-/// Returns the sum of four columns and rows of values, from index `first` on, times weights number `i` of each column and
-/// row.
+/// Returns the sum of values, from index `first` on and in rows below each other, times weights number `i` of each column and row.
 #[inline(always)]
-fn spline<S: Simd>(
+fn weighted<S: Simd, const ACROSS: usize, const DOWN: usize>(
     simd: S,
-    rows: &[&[[f32; 4]]; 4],
+    rows: &[&[[f32; 4]]; DOWN],
     first: usize,
-    [across, down]: &[[[f32; TOGETHER]; 4]; 2],
+    (across, down): (&[[f32; TOGETHER]; ACROSS], &[[f32; TOGETHER]; DOWN]),
     i: usize,
 ) -> f32x4<S> {
-    // Sums down the columns first: all four columns and colours together fill a vector.
-    let mut sums = f32x16::splat(simd, 0.0);
-    for k in 0..4 {
-        let Some(values): Option<&[[f32; 4]; 4]> = rows[k].get(first..).and_then(<[_]>::first_chunk) else { break };
-        sums += f32x16::from_slice(simd, values.as_flattened()) * down[k][i];
+    // Sums down the columns first: four columns and colours together fill a vector.
+    let mut sums = [f32x16::splat(simd, 0.0); TAPS / 4];
+    for (row, down) in rows.iter().zip(down) {
+        let Some(values): Option<&[[f32; 4]; ACROSS]> = row.get(first..).and_then(<[_]>::first_chunk) else { break };
+        for (sum, values) in sums.iter_mut().zip(values.as_chunks::<4>().0) {
+            *sum += f32x16::from_slice(simd, values.as_flattened()) * down[i];
+        }
     }
-    let (left, right) = sums.split();
-    let ((a, b), (c, d)) = (left.split(), right.split());
-    (a * across[0][i] + b * across[1][i]) + (c * across[2][i] + d * across[3][i])
+    let of_four = sums.iter().zip(across.as_chunks::<4>().0).map(|(sums, across)| {
+        let (left, right) = sums.split();
+        let ((a, b), (c, d)) = (left.split(), right.split());
+        (a * across[0][i] + b * across[1][i]) + (c * across[2][i] + d * across[3][i])
+    });
+    of_four.reduce(|a, b| a + b).unwrap_or(f32x4::splat(simd, 0.0))
 }
 
 /// Limits a pixel to what interpolation may not leave: alpha to 0 to `largest`, and colours to 0 and above, 0 where alpha is 0.
@@ -381,6 +362,12 @@ fn in_range<S: Simd>(pixel: f32x4<S>, largest: f32) -> [f32; 4] {
 const BRIGHTEST: f32 = 2.0;
 
 impl Plane<'_> {
+    /// Returns the values from each of its first rows on, all of one length.
+    fn rows<const N: usize>(&self) -> [&[[f32; 4]]; N] {
+        let len = self.values.len() - (N - 1) * self.columns;
+        std::array::from_fn(|row| &self.values[row * self.columns..][..len])
+    }
+
     /// Returns the columns of a row of the picture that see what was drawn. Each of the three `lines` is a step and a first
     /// number; the first two, divided by the third, are columns and rows of the plane.
     fn columns_seen(&self, [u, v, divisor]: [[f64; 2]; 3], columns: usize) -> Range<usize> {
@@ -407,7 +394,7 @@ impl Plane<'_> {
 /// each pixel. The row is empty before.
 #[inline(always)]
 fn blur<S: Simd>(simd: S, from: &Plane, map: &[[f64; 3]; 3], covariance: [f64; 3], y: f64, row: &mut [[f32; 4]]) {
-    let mut gaussian = Gaussian::new(map, [0.0, y], covariance);
+    let mut gaussian = Gaussian::new(on_plane(map, [0.0, y], covariance));
     let is_perspective = map[2][0] != 0.0 || map[2][1] != 0.0;
     let line = map.map(|[a, b, c]| [a, b * y + c]);
     let columns = from.columns_seen(line, row.len());
@@ -417,13 +404,108 @@ fn blur<S: Simd>(simd: S, from: &Plane, map: &[[f64; 3]; 3], covariance: [f64; 3
         let pixels = &mut row[first..columns.end.min(first + TOGETHER)];
         for (i, pixel) in pixels.iter_mut().enumerate().filter(|(i, _)| at.near >> i & 1 == 1) {
             if is_perspective {
-                gaussian = Gaussian::new(map, [first as f64 + i as f64, y], covariance);
+                gaussian = Gaussian::new(on_plane(map, [(first + i) as f64, y], covariance));
             }
             let values = from.values.get((at.pixel[i] as usize).wrapping_sub((TAPS / 2 - 1) * (from.columns + 1))..);
             let fractions = at.fraction.map(|side| side[i]);
             *pixel = gaussian.mean(fractions, values.unwrap_or_default(), from.columns);
         }
     }
+}
+
+/// Computes a row of the picture: the plane under a Gaussian of this covariance, in square pixels of the picture, around each
+/// pixel. It is wide along columns (`ALONG` 0) or rows (1) of the plane, where it takes its pixels; along the other axis two points
+/// of the spline, one standard deviation away on both sides, stand for it. The row is empty before.
+#[inline(always)]
+fn blur_along<S: Simd, const ALONG: usize>(
+    simd: S,
+    from: &Plane,
+    map: &[[f64; 3]; 3],
+    covariance: [f64; 3],
+    most: f32,
+    y: f64,
+    row: &mut [[f32; 4]],
+) {
+    let line = map.map(|[a, b, c]| [a, b * y + c]);
+    let columns = from.columns_seen(line, row.len());
+    let (few, many): ([&[[f32; 4]]; 4], [&[[f32; 4]]; TAPS]) = (from.rows(), from.rows());
+    for first in columns.clone().step_by(TOGETHER) {
+        let pixels = &mut row[first..columns.end.min(first + TOGETHER)];
+        let middle = PlanePoints::of(simd, line.map(|[step, start]| [step, first as f64 * step + start]), from);
+        if middle.near == 0 {
+            continue;
+        }
+        // How far the points are from the middle, and how fast the Gaussian falls along the line through each.
+        let (mut away, mut fall) = ([[0.0; TOGETHER]; 2], [0.0; TOGETHER]);
+        for i in 0..TOGETHER {
+            let [xx, mixed, yy] = on_plane(map, [(first + i) as f64, y], covariance);
+            let (wide, narrow) = if ALONG == 0 { (xx, yy) } else { (yy, xx) };
+            let distance = narrow.max(LEAST_NARROW).sqrt();
+            let slant = mixed / distance;
+            (away[ALONG][i], away[1 - ALONG][i]) = (slant as f32, distance as f32);
+            fall[i] = (0.5 * LOG2_E / (wide - slant * slant).max(LEAST_WIDE)) as f32;
+        }
+        let mut sums = [f32x4::splat(simd, 0.0); TOGETHER];
+        for sign in [-1.0, 1.0] {
+            let at = [0, 1].map(|side: usize| middle.fraction[side] + f32x16::from_slice(simd, &away[side]) * sign);
+            let whole = at.map(|at| at.floor());
+            let past = [at[0] - whole[0], at[1] - whole[1]];
+            let start =
+                [0, 1].map(|side: usize| (whole[side] - BEFORE[usize::from(side == ALONG)]).to_int::<i32x16<S>>());
+            let start = (start[1] * i32x16::splat(simd, from.columns as i32) + start[0]).to_array();
+            let (spline, gaussian) = (spline_weights(past[1 - ALONG]), gaussian_weights(past[ALONG].to_array(), fall));
+            for (i, sum) in sums.iter_mut().enumerate().filter(|(i, _)| middle.near >> i & 1 == 1) {
+                let at = middle.pixel[i].wrapping_add(start[i]) as usize;
+                *sum += match ALONG {
+                    0 => weighted(simd, &few, at, (&gaussian, &spline), i),
+                    _ => weighted(simd, &many, at, (&spline, &gaussian), i),
+                };
+            }
+        }
+        for (i, (pixel, sum)) in pixels.iter_mut().zip(sums).enumerate() {
+            if middle.near >> i & 1 == 1 {
+                *pixel = in_range(sum * 0.5, most);
+            }
+        }
+    }
+}
+
+/// How many values before the one at or before a point a spline takes, and how many a Gaussian.
+const BEFORE: [f32; 2] = [1.0, (TAPS / 2 - 1) as f32];
+/// Least variances of a Gaussian in [`blur_along`]: of points along the narrow axis, so that none is divided by 0; along the wide
+/// one, in square pixels of the plane, so that the weights of pixels are smooth.
+const LEAST_NARROW: f64 = 1e-6;
+const LEAST_WIDE: f64 = 0.2;
+
+/// Returns the weights of [`TAPS`] values around places that are `past` the middle one of them, 0 to 1; `fall` is by how much the
+/// logarithm to base 2 falls at distance 1.
+#[inline(always)]
+fn gaussian_weights(past: [f32; TOGETHER], fall: [f32; TOGETHER]) -> [[f32; TOGETHER]; TAPS] {
+    let (mut weights, mut total) = ([[0.0; TOGETHER]; TAPS], [0.0; TOGETHER]);
+    for (k, weights) in weights.iter_mut().enumerate() {
+        for i in 0..TOGETHER {
+            let distance = k as f32 - BEFORE[1] - past[i];
+            weights[i] = near_exp2_neg(at_most(fall[i] * (distance * distance), 120.0));
+            total[i] += weights[i];
+        }
+    }
+    for weights in &mut weights {
+        for i in 0..TOGETHER {
+            weights[i] /= total[i];
+        }
+    }
+    weights
+}
+
+/// Returns the covariance on the plane, in its square pixels, of a Gaussian around a place of the picture.
+#[inline(always)]
+fn on_plane(map: &[[f64; 3]; 3], [x, y]: [f64; 2], [xx, xy, yy]: [f64; 3]) -> [f64; 3] {
+    let [u, v, w] = map.map(|[a, b, c]| a * x + b * y + c);
+    let step = |line: [f64; 3], at: f64| [0, 1].map(|k: usize| (line[k] - at / w * map[2][k]) / w);
+    // How far a place on the plane moves, along columns and along rows, per column and per row of the picture.
+    let [[a, b], [c, d]] = [step(map[0], u), step(map[1], v)];
+    let product = |[a, b]: [f64; 2], [c, d]: [f64; 2]| a * c * xx + (a * d + b * c) * xy + b * d * yy;
+    [product([a, b], [a, b]), product([a, b], [c, d]), product([c, d], [c, d])]
 }
 
 /// Pixels of the plane along a side that a Gaussian takes.
@@ -437,19 +519,10 @@ struct Gaussian {
 }
 
 impl Gaussian {
-    fn new(map: &[[f64; 3]; 3], [x, y]: [f64; 2], [xx, xy, yy]: [f64; 3]) -> Gaussian {
-        let [u, v, w] = map.map(|[a, b, c]| a * x + b * y + c);
-        let step = |line: [f64; 3], at: f64| [0, 1].map(|k: usize| (line[k] - at / w * map[2][k]) / w);
-        // How far a place on the plane moves, along columns and along rows, per column and per row of the picture.
-        let [[a, b], [c, d]] = [step(map[0], u), step(map[1], v)];
-        let area = a * d - b * c;
-        let scale = 0.5 * std::f64::consts::LOG2_E / ((xx * yy - xy * xy) * area * area);
-        let factors = [
-            yy * d * d + 2.0 * xy * c * d + xx * c * c,
-            -2.0 * (yy * b * d + xy * (a * d + b * c) + xx * a * c),
-            yy * b * b + 2.0 * xy * a * b + xx * a * a,
-        ];
-        Gaussian { factors: factors.map(|factor| (scale * factor) as f32) }
+    /// `covariance`: in square pixels of the plane.
+    fn new([xx, xy, yy]: [f64; 3]) -> Gaussian {
+        let scale = 0.5 * LOG2_E / (xx * yy - xy * xy);
+        Gaussian { factors: [yy, -2.0 * xy, xx].map(|factor| (scale * factor) as f32) }
     }
 
     /// Returns the weighted mean of [`TAPS`] by [`TAPS`] of `values`, rows of which are `pitch` apart. The place is past

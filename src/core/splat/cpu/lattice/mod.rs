@@ -56,12 +56,10 @@ pub(super) struct Lattice {
 pub(super) struct LowPass {
     /// How often the drawn plane is halved, which turns two pixels into one, before it is warped.
     pub(super) halvings: [u32; 2],
-    /// Variances of Gaussians along the axes of what is kept, in its square pixels, by which it is smoothed first; or 0.
-    pub(super) smoothing: [f64; 2],
     /// Covariance (xx, xy, yy) of the Gaussian that is left to do, in square pixels of the picture.
     pub(super) covariance: [f64; 3],
     /// Whether it is so wide, in the picture's middle, that it may take the plane's pixels as they are.
-    pub(super) is_wide: bool,
+    pub(super) is_wide: [bool; 2],
     /// Standard deviation of the whole filter, in pixels of the picture.
     pub(super) deviation: f64,
 }
@@ -135,13 +133,11 @@ impl Lattice {
         [0, 1].map(|side| self.size[side] >> u32::from(self.halves()[side]))
     }
 
-    /// Returns the most pixels that the warp has in a second frame, halved or smoothed, beside what is kept.
+    /// Returns the most pixels that the warp has in a second frame, halved again, beside what is kept.
     pub(super) fn copied(&self) -> u64 {
-        let LowPass { halvings, smoothing, .. } = self.low_pass;
-        let kept = self.kept().map(u64::from);
-        let halved = [0, 1].map(|side: usize| if halvings[side] > 1 { kept[side].div_ceil(2) } else { kept[side] });
-        // A plane that is neither halved again nor smoothed is not copied.
-        if halved != kept || smoothing != [0.0; 2] { halved[0] * halved[1] } else { 0 }
+        let is_again = self.low_pass.halvings.map(|halvings| halvings > 1);
+        let halved = [0, 1].map(|side: usize| u64::from(self.kept()[side].div_ceil(1 + u32::from(is_again[side]))));
+        if is_again == [false; 2] { 0 } else { halved[0] * halved[1] }
     }
 
     /// Returns whether it is halved along columns, and along rows.
@@ -322,8 +318,7 @@ impl Lattice {
         /// How far beyond the picture's edge tiles are drawn, in tiles: those farther away weigh below 0.268^8 in the
         /// interpolation.
         const NEAR: usize = 2;
-        let LowPass { halvings, smoothing, .. } = self.low_pass;
-        let around = [0, 1].map(|side: usize| (NEAR + usize::from(smoothing[side] > 0.0)) << halvings[side]);
+        let around = self.low_pass.halvings.map(|halvings| NEAR << halvings);
         let [columns, rows] = self.size.map(|side| side as usize >> TILE);
         let to_picture = DMat3::from_cols_array_2d(&self.plane_from_pixel).transpose().inverse();
         let (first, ends) =
