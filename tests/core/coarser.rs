@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use adjsplat::arena::layout::Scales;
 use adjsplat::arena::{Channels, Record, stored_opacity};
-use adjsplat::classify::{TransferFunction, normal};
+use adjsplat::classify::{MagnitudeCodec, TransferFunction, normal};
 use adjsplat::volume::Grid;
 use adjsplat_tests::random::Random;
 
@@ -150,7 +150,7 @@ pub(crate) fn coarser(voxels: &Voxels, channels: Channels, factors: [u32; 3], lo
         .map(|(place, mut block)| {
             block.sort_by_key(|member| member.at);
             let coverage = if channels.coverage_bits == 0 { mask(&block, factors) } else { word(&block, factors) };
-            (place, Record { coverage, ..mean(&block, channels, look.is_labels) })
+            (place, Record { coverage, ..mean(&block, channels, look) })
         })
         .collect()
 }
@@ -189,21 +189,29 @@ fn word(block: &[Member], factors: [u32; 3]) -> u16 {
 }
 
 /// The codes of a block, but for the coverage.
-fn mean(block: &[Member], channels: Channels, is_labels: bool) -> Record {
+fn mean(block: &[Member], channels: Channels, look: &Look) -> Record {
     let all: i128 = block.iter().map(|member| member.weight).sum();
     let mean = |code: &dyn Fn(&Record) -> i128| {
         let sum: i128 = block.iter().map(|member| member.weight * code(&member.record)).sum();
         // Rounded half up: one more if the rest is half of the weight or above.
         sum / all + i128::from(2 * (sum % all) >= all)
     };
-    let value = if is_labels {
+    let value_and_magnitude = |record: &Record| [record.value, record.magnitude.into()];
+    let means = [0, 1].map(|k| mean(&|record| value_and_magnitude(record)[k].into()));
+    let [mut value, magnitude] = match &look.function {
+        Some(function) if !look.is_labels => {
+            let voxels = block.iter().map(|member| (member.covered.share, value_and_magnitude(&member.record)));
+            as_opaque(means, &voxels.collect::<Vec<_>>(), channels, function)
+        }
+        _ => means,
+    }
+    .map(|code| u16::try_from(code).unwrap());
+    if look.is_labels {
         let mut sums: BTreeMap<u16, i128> = BTreeMap::new();
         block.iter().for_each(|member| *sums.entry(member.record.value).or_default() += member.weight);
         let most = *sums.values().max().unwrap();
-        sums.into_iter().find(|&(_, sum)| sum == most).unwrap().0
-    } else {
-        u16::try_from(mean(&|record| record.value.into())).unwrap()
-    };
+        value = sums.into_iter().find(|&(_, sum)| sum == most).unwrap().0;
+    }
     let low_half = |code: u32| u16::try_from(code & 0xffff).unwrap();
     let direction = |record: &Record| match channels.normal_bits {
         8 => normal::decode8(low_half(record.normal)).map(f64::from),
@@ -224,6 +232,41 @@ fn mean(block: &[Member], channels: Channels, is_labels: bool) -> Record {
         8 => normal::encode8(sum.map(|c| -c)).into(),
         _ => normal::encode16(sum.map(|c| -c)),
     };
-    let magnitude = u8::try_from(mean(&|record| record.magnitude.into())).unwrap();
-    Record { value, normal, magnitude, coverage: 0 }
+    Record { value, normal, magnitude: u8::try_from(magnitude).unwrap(), coverage: 0 }
+}
+
+/// The value and magnitude codes, from the means of a block toward those of one of its voxels, that are as opaque as the block
+/// is in the mean. `voxels`: the share and the codes of each.
+fn as_opaque(
+    means: [i128; 2],
+    voxels: &[(i128, [u16; 2])],
+    channels: Channels,
+    (function, scales): &(TransferFunction, Scales),
+) -> [i128; 2] {
+    let codec = MagnitudeCodec::new(scales.magnitude_scale).unwrap();
+    let depth = |[value, magnitude]: [i128; 2]| {
+        let steep = if channels.magnitude_bits == 0 { f64::MAX } else { codec.decode(u8::try_from(magnitude).unwrap()) };
+        let opacity = stored_opacity(function, scales, u16::try_from(value).unwrap(), steep);
+        let depth = if opacity < 1.0 { -(-opacity).ln_1p() } else { 16.0 };
+        (65536.0 * depth.min(16.0)).round() as i128
+    };
+    let depths: Vec<i128> = voxels.iter().map(|(_, codes)| depth(codes.map(i128::from))).collect();
+    let shares: i128 = voxels.iter().map(|(share, _)| share).sum();
+    let wanted = voxels.iter().zip(&depths).map(|((share, _), depth)| share * depth).sum::<i128>() / shares;
+    // The means lie on one side, some voxels on the other: as opaque as wanted counts as more.
+    let side = |depth: i128| depth >= wanted;
+    let others = (0..voxels.len()).filter(|&i| side(depths[i]) != side(depth(means)));
+    let Some(end) = others.min_by_key(|&i| ((depths[i] - wanted).abs(), i)) else { return means };
+    let way = |step: i128| [0, 1].map(|k| (means[k] * (256 - step) + i128::from(voxels[end].1[k]) * step + 128) / 256);
+    let (mut from, mut to) = (0, 256);
+    for half in [128, 64, 32, 16, 8, 4, 2, 1] {
+        if side(depth(way(from + half))) == side(depth(means)) {
+            from += half;
+        } else {
+            to = from + half;
+        }
+    }
+    assert_eq!(to, from + 1);
+    let off = |step| (depth(way(step)) - wanted).abs();
+    if off(to) < off(from) { way(to) } else { way(from) }
 }

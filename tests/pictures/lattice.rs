@@ -222,23 +222,23 @@ fn small_pictures_of_unlike_spacings_are_not_coarse() {
     }
 }
 
-/// In a wide perspective, pixels of the picture are ten times as wide on a part of the plane as on another. When the plane was
-/// smoothed by what its middle needs, near edges were soft and far ones had steps: 33 dB.
+/// In a perspective, pixels of the picture are up to ten times as wide on one part of the plane as on another. When all of it was
+/// smoothed by what its middle needs, near edges were soft and far ones had steps: 33.0 and 42.2 dB.
 #[test]
-fn a_flat_volume_in_a_wide_perspective_is_sharp_near_by_and_smooth_far_away() {
+fn a_volume_of_unlike_spacings_in_perspective_is_sharp_near_by_and_smooth_far_away() {
     let size = [96, 96];
-    let built = build("shells", [40, 36, 44], [1.0, 0.2, 1.0], 8);
-    let mut worst = f64::INFINITY;
-    for [azimuth, elevation] in [[150.0, 66.0], [30.0, 20.0], [70.0, 60.0], [210.0, -40.0], [300.0, 10.0]] {
-        for fov in [30.0, 60.0, 75.0] {
-            let camera = built.orbit(azimuth, elevation, Some(fov), size);
-            let truth = built.frame(&camera, &Settings::new(size).with_quality(Quality::Reference));
-            let near = decibels(&built.frame(&camera, &enough(size)), &truth, EMPTY);
-            println!("{azimuth}, {elevation}, {fov} degrees: {near:.1} dB");
-            worst = worst.min(near);
-        }
+    for (spacing, view, fov) in [
+        ([1.0, 0.2, 1.0], [150.0, 66.0], 75.0),
+        ([1.0, 1.0, 8.0], [70.0, 60.0], 30.0),
+    ] {
+        let built = built(&mut *phantom("shells", [64; 3], SampleType::U8, spacing), &options(at_least(100.0)));
+        let camera = built.orbit(view[0], view[1], Some(fov), size);
+        let settings = Settings::new(size);
+        let truth = built.frame(&camera, &settings.clone().with_quality(Quality::Reference));
+        let near = decibels(&built.frame(&camera, &settings), &truth, EMPTY);
+        println!("{spacing:?}, {view:?}, {fov} degrees: {near:.1} dB");
+        assert!(near > 44.0, "{spacing:?}, {view:?}, {fov} degrees: {near:.1} dB");
     }
-    assert!(worst > 44.0, "{worst:.1} dB");
 }
 
 /// The worst scene for drafts: the plane's lattice meets the waves.

@@ -2,7 +2,7 @@
 //!
 //! In: rows of voxels. Out: rows of a coarser level, whose voxels stand for blocks of up to 2 x 2 x 2 points. A voxel's
 //! coverage says how much of its block is visible and where. Its codes are means, in which voxels count by their share and by
-//! what is seen of their faces. A level is computed from the level below it as that is stored, so all levels follow from the
+//! what is seen of their faces, moved to where they are as opaque as the block. A level is computed from the level below it as that is stored, so all levels follow from the
 //! stored voxels and the file's transfer function: `formats/adj-1.md`, section 13.
 //!
 //! Memory: the visible voxels of a few rows for each thread that reads.
@@ -13,11 +13,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
 use super::coverage::MOST_SHARE;
-use super::layout::{Channels, Facts, TILE_EDGE};
+use super::layout::{Channels, Facts, Scales, TILE_EDGE};
 use super::pack::Record;
 use super::rows::{Region, Rows, Voxel};
 use super::visible::stored_opacity;
-use crate::classify::{TransferFunction, normal};
+use crate::classify::{MagnitudeCodec, TransferFunction, normal};
 use crate::error::Result;
 use crate::volume::Grid;
 
@@ -27,6 +27,8 @@ pub const MOST_LEVELS: u8 = 15;
 const AUTO_POINTS: u32 = 32;
 /// [`Levels::Auto`] makes no level of a level that has fewer voxels.
 const AUTO_VOXELS: u64 = 4_096;
+/// Largest optical depth of a code, as of a splat.
+const MAX_DEPTH: f64 = 16.0;
 /// Number of grid points of a slice that are read at once.
 const POINTS_AT_ONCE: u32 = 1 << 15;
 
@@ -128,6 +130,53 @@ pub struct LevelLook {
     /// For each value code: how much of a neighbour is seen through such a voxel, 0 to 255. Empty if all neighbours are seen
     /// alike.
     clear: Vec<u8>,
+    depths: Option<CodeDepths>,
+}
+
+/// The optical depths of codes.
+#[derive(Debug, Clone)]
+struct CodeDepths {
+    function: TransferFunction,
+    scales: Scales,
+    /// The gradient magnitudes of codes, if depths depend on these.
+    magnitudes: Option<MagnitudeCodec>,
+    /// For each value code, if they do not.
+    of_values: Vec<u32>,
+}
+
+impl CodeDepths {
+    /// `None` if the scale of magnitudes is out of range.
+    fn new(function: TransferFunction, facts: &Facts) -> Option<CodeDepths> {
+        let magnitudes = if function.uses_gradient() && facts.channels.magnitude_bits > 0 {
+            Some(MagnitudeCodec::new(facts.scales.magnitude_scale).ok()?)
+        } else {
+            None
+        };
+        let mut depths = CodeDepths { function, scales: facts.scales, magnitudes, of_values: Vec::new() };
+        if depths.magnitudes.is_none() {
+            depths.of_values = (0..=last_code(facts.channels)).map(|value| depths.computed(value, f64::MAX)).collect();
+        }
+        Some(depths)
+    }
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 2^20")]
+    fn computed(&self, value: u16, magnitude: f64) -> u32 {
+        let opacity = stored_opacity(&self.function, &self.scales, value, magnitude).clamp(0.0, 1.0);
+        (65_536.0 * (-(-opacity).ln_1p()).min(MAX_DEPTH)).round() as u32
+    }
+
+    /// Returns the depth of a code per reference length, in parts of 65,536.
+    #[inline]
+    fn of(&self, [value, magnitude]: [u16; 2]) -> u32 {
+        match &self.magnitudes {
+            None => self.of_values.get(usize::from(value)).copied().unwrap_or(0),
+            Some(codec) => self.computed(value, codec.decode(u8::try_from(magnitude).unwrap_or(u8::MAX))),
+        }
+    }
+}
+
+fn last_code(channels: Channels) -> u16 {
+    if channels.value_bits == 8 { 0xff } else { u16::MAX }
 }
 
 impl LevelLook {
@@ -140,15 +189,15 @@ impl LevelLook {
         }
         let is_labels = holds_labels(description);
         let Ok(Function { transfer_function }) = serde_json::from_slice(description) else {
-            return LevelLook { is_labels, clear: Vec::new() };
+            return LevelLook { is_labels, ..LevelLook::default() };
         };
-        let last = if facts.channels.value_bits == 8 { 0xff } else { u16::MAX };
-        let clear = (0..=last).map(|code| {
+        let clear = (0..=last_code(facts.channels)).map(|code| {
             let opacity = stored_opacity(&transfer_function, &facts.scales, code, f64::MAX).clamp(0.0, 1.0);
             // Twice, as kernels are about two voxels wide.
             (255.0 * (1.0 - opacity) * (1.0 - opacity)).round() as u8
         });
-        LevelLook { is_labels, clear: clear.collect() }
+        let clear = clear.collect();
+        LevelLook { is_labels, clear, depths: CodeDepths::new(transfer_function, facts).filter(|_| !is_labels) }
     }
 
     /// Returns how much of a neighbour is seen through a voxel.
@@ -334,7 +383,7 @@ impl CoarserRows<'_> {
                     *row = rest;
                 }
             }
-            voxels.push(Voxel { x, record: block.record(channels, self.look.is_labels) });
+            voxels.push(Voxel { x, record: block.record(channels, self.look) });
         }
     }
 }
@@ -388,13 +437,17 @@ impl Block {
     }
 
     #[inline]
-    fn record(&self, channels: Channels, is_labels: bool) -> Record {
-        let mean = |sum: u64| (2 * sum + self.seen) / (2 * self.seen);
-        let value = if is_labels { self.label() } else { u16::try_from(mean(self.value)).unwrap_or(u16::MAX) };
+    fn record(&self, channels: Channels, look: &LevelLook) -> Record {
+        let means = [self.value, self.magnitude]
+            .map(|sum| u16::try_from((2 * sum + self.seen) / (2 * self.seen)).unwrap_or(u16::MAX));
+        let [value, magnitude] = match &look.depths {
+            Some(depths) => self.as_opaque(means, channels, depths),
+            None => means,
+        };
         Record {
-            value,
+            value: if look.is_labels { self.label() } else { value },
             normal: self.normal(channels.normal_bits),
-            magnitude: u8::try_from(mean(self.magnitude)).unwrap_or(u8::MAX),
+            magnitude: u8::try_from(magnitude).unwrap_or(u8::MAX),
             coverage: if channels.coverage_bits == 0 { self.point_mask() } else { self.word(channels) },
         }
     }
@@ -428,6 +481,33 @@ impl Block {
             code |= offset << at;
         }
         code
+    }
+
+    /// Returns the value and magnitude codes on the way from `means` to those of a voxel whose depth is nearest to the mean depth
+    /// of the block.
+    ///
+    /// The depth of means is not the mean of depths: where opacity varies with value, a level lost up to a fifth of the light.
+    fn as_opaque(&self, means: [u16; 2], channels: Channels, depths: &CodeDepths) -> [u16; 2] {
+        /// Number of steps on the way; a power of two.
+        const STEPS: u32 = 256;
+        let codes = |record: &Record| [record.value, record.magnitude.into()];
+        let depth_sum = self.stored().iter().map(|(_, record)| weight(record, channels) * u64::from(depths.of(codes(record))));
+        let wanted = u32::try_from(depth_sum.sum::<u64>() / self.weight).unwrap_or(u32::MAX);
+        let is_less = depths.of(means) < wanted;
+        let is_beyond = |depth: u32| (depth < wanted) != is_less;
+        let beyond = self.stored().iter().map(|(_, record)| codes(record)).filter(|&codes| is_beyond(depths.of(codes)));
+        let Some(end) = beyond.min_by_key(|&codes| depths.of(codes).abs_diff(wanted)) else { return means };
+        let at = |step: u32| {
+            let between = |k: usize| ((STEPS - step) * u32::from(means[k]) + step * u32::from(end[k]) + STEPS / 2) / STEPS;
+            [0, 1].map(|k| u16::try_from(between(k)).unwrap_or(u16::MAX))
+        };
+        let (mut near, mut far) = (0, STEPS);
+        while far - near > 1 {
+            let middle = u32::midpoint(near, far);
+            *(if is_beyond(depths.of(at(middle))) { &mut far } else { &mut near }) = middle;
+        }
+        let off = |step: u32| depths.of(at(step)).abs_diff(wanted);
+        at(if off(near) <= off(far) { near } else { far })
     }
 
     fn stored(&self) -> &[(u64, Record)] {
