@@ -12,8 +12,9 @@ use indicatif::HumanBytes;
 use super::resources::resident_bytes;
 use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Arena, Lane, LaneSet};
+use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::{IN_FLIGHT, level_kernel};
+use adjsplat::internals::{IN_FLIGHT, level_kernel, stored_transfer};
 use adjsplat::splat::cpu;
 use adjsplat::splat::cpu::Canvas;
 use adjsplat::splat::{Blending, Camera, Lanes, Settings, View};
@@ -155,6 +156,8 @@ pub(super) struct BoundedLanes<'a> {
     /// The lanes of the voxels, then those of each level.
     lanes: Vec<LaneSet<'a>>,
     level_facts: Vec<Facts>,
+    /// The function that the file was built with.
+    levels_function: Option<TransferFunction>,
     /// The limit of `--memory` in bytes, if the flag is given.
     memory: Option<u64>,
 }
@@ -165,8 +168,9 @@ impl<'a> BoundedLanes<'a> {
     pub(super) fn new(arena: Arena<'a>, memory: Option<u64>, derived: Option<u64>) -> BoundedLanes<'a> {
         let arenas: Vec<Arena> = drawn(&arena, None).into_iter().map(|(_, arena)| arena).collect();
         let level_facts = arenas[1..].iter().map(|level| level.facts().clone()).collect();
+        let levels_function = stored_transfer(&arena);
         let lanes = arenas.into_iter().map(|arena| LaneSet::new(arena, derived)).collect();
-        BoundedLanes { lanes, level_facts, memory }
+        BoundedLanes { lanes, level_facts, levels_function, memory }
     }
 
     /// Returns the file's arena.
@@ -182,6 +186,10 @@ impl Lanes for BoundedLanes<'_> {
 
     fn levels(&self) -> &[Facts] {
         &self.level_facts
+    }
+
+    fn levels_function(&self) -> Option<&TransferFunction> {
+        self.levels_function.as_ref()
     }
 
     fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {

@@ -245,7 +245,8 @@ fn as_opaque(
 ) -> [i128; 2] {
     let codec = MagnitudeCodec::new(scales.magnitude_scale).unwrap();
     let depth = |[value, magnitude]: [i128; 2]| {
-        let steep = if channels.magnitude_bits == 0 { f64::MAX } else { codec.decode(u8::try_from(magnitude).unwrap()) };
+        let steep =
+            if channels.magnitude_bits == 0 { f64::MAX } else { codec.decode(u8::try_from(magnitude).unwrap()) };
         let opacity = stored_opacity(function, scales, u16::try_from(value).unwrap(), steep);
         let depth = if opacity < 1.0 { -(-opacity).ln_1p() } else { 16.0 };
         (65536.0 * depth.min(16.0)).round() as i128

@@ -227,10 +227,7 @@ fn small_pictures_of_unlike_spacings_are_not_coarse() {
 #[test]
 fn a_volume_of_unlike_spacings_in_perspective_is_sharp_near_by_and_smooth_far_away() {
     let size = [96, 96];
-    for (spacing, view, fov) in [
-        ([1.0, 0.2, 1.0], [150.0, 66.0], 75.0),
-        ([1.0, 1.0, 8.0], [70.0, 60.0], 30.0),
-    ] {
+    for (spacing, view, fov) in [([1.0, 0.2, 1.0], [150.0, 66.0], 75.0), ([1.0, 1.0, 8.0], [70.0, 60.0], 30.0)] {
         let built = built(&mut *phantom("shells", [64; 3], SampleType::U8, spacing), &options(at_least(100.0)));
         let camera = built.orbit(view[0], view[1], Some(fov), size);
         let settings = Settings::new(size);

@@ -183,12 +183,8 @@ impl LevelLook {
     /// Returns the look of a file with this description and these facts.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
     pub fn new(description: &[u8], facts: &Facts) -> LevelLook {
-        #[derive(Deserialize)]
-        struct Function {
-            transfer_function: TransferFunction,
-        }
         let is_labels = holds_labels(description);
-        let Ok(Function { transfer_function }) = serde_json::from_slice(description) else {
+        let Some(transfer_function) = TransferFunction::of_description(description) else {
             return LevelLook { is_labels, ..LevelLook::default() };
         };
         let clear = (0..=last_code(facts.channels)).map(|code| {
@@ -491,14 +487,16 @@ impl Block {
         /// Number of steps on the way; a power of two.
         const STEPS: u32 = 256;
         let codes = |record: &Record| [record.value, record.magnitude.into()];
-        let depth_sum = self.stored().iter().map(|(_, record)| weight(record, channels) * u64::from(depths.of(codes(record))));
+        let depth_sum =
+            self.stored().iter().map(|(_, record)| weight(record, channels) * u64::from(depths.of(codes(record))));
         let wanted = u32::try_from(depth_sum.sum::<u64>() / self.weight).unwrap_or(u32::MAX);
         let is_less = depths.of(means) < wanted;
         let is_beyond = |depth: u32| (depth < wanted) != is_less;
         let beyond = self.stored().iter().map(|(_, record)| codes(record)).filter(|&codes| is_beyond(depths.of(codes)));
         let Some(end) = beyond.min_by_key(|&codes| depths.of(codes).abs_diff(wanted)) else { return means };
         let at = |step: u32| {
-            let between = |k: usize| ((STEPS - step) * u32::from(means[k]) + step * u32::from(end[k]) + STEPS / 2) / STEPS;
+            let between =
+                |k: usize| ((STEPS - step) * u32::from(means[k]) + step * u32::from(end[k]) + STEPS / 2) / STEPS;
             [0, 1].map(|k| u16::try_from(between(k)).unwrap_or(u16::MAX))
         };
         let (mut near, mut far) = (0, STEPS);

@@ -4,7 +4,7 @@
 //! value and magnitude if opacity depends on both: 32 bytes to 2 MiB. Stored voxels are judged by their codes, not by
 //! the samples that the codes came from.
 
-use super::layout::{Channels, Scales};
+use super::layout::{Channels, Facts, Scales};
 use crate::classify::{MagnitudeCodec, TransferFunction};
 use crate::error::{Error, Result};
 
@@ -23,6 +23,24 @@ pub fn stored_opacity(transfer: &TransferFunction, scales: &Scales, value: u16, 
     }
     let nudge = (scales.value_step * 1e-6).max(value.abs() * 1e-14);
     transfer.opacity(value - nudge, magnitude).max(transfer.opacity(value + nudge, magnitude))
+}
+
+/// Returns whether two functions give stored voxels about the same opacity: none differs by more than 0.05.
+///
+/// Compares at most 1,024 values, at five magnitudes where opacity depends on these.
+pub(crate) fn are_alike(one: &TransferFunction, other: &TransferFunction, facts: &Facts) -> bool {
+    const DIFFERENCE: f64 = 0.05;
+    let magnitudes = match (one.uses_gradient() || other.uses_gradient(), facts.channels.magnitude_bits) {
+        (true, 1..) => [0.0, 0.05, 0.2, 0.5, 1.0].map(|part| part * facts.scales.magnitude_scale).to_vec(),
+        _ => vec![f64::MAX],
+    };
+    let opacity = |function, code, magnitude| stored_opacity(function, &facts.scales, code, magnitude);
+    let step = if facts.channels.value_bits == 8 { 1 } else { 64 };
+    let is_alike = |code: u16| {
+        magnitudes.iter().all(|&at| (opacity(one, code, at) - opacity(other, code, at)).abs() <= DIFFERENCE)
+    };
+    let last = if facts.channels.value_bits == 8 { 0xff } else { u16::MAX };
+    one == other || one.reference_length() == other.reference_length() && (0..=last).step_by(step).all(is_alike)
 }
 
 /// A table that tells which stored codes are visible.

@@ -52,6 +52,17 @@ impl TransferFunction {
         })
     }
 
+    /// Returns the function of a file with this description; `None` if it has none that can be read.
+    ///
+    /// Other members are skipped: as JSON values a long text takes much memory.
+    pub(crate) fn of_description(description: &[u8]) -> Option<TransferFunction> {
+        #[derive(Deserialize)]
+        struct Function {
+            transfer_function: TransferFunction,
+        }
+        serde_json::from_slice(description).ok().map(|Function { transfer_function }| transfer_function)
+    }
+
     /// Returns the function as JSON on several lines; [`TransferFunction::from_json`] restores an equal function.
     pub fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).expect("a checked function holds only finite numbers and strings")

@@ -13,6 +13,7 @@ use crate::arena::lanes::DerivedLanes;
 use crate::arena::layout::Facts;
 use crate::arena::{Checked, Region, Rows};
 use crate::build::Observer;
+use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::file::{AdjFile, RowsOutput, bytes_of_rows_and_levels, open_rows_and_levels, write_rows_and_levels};
 use crate::limits::Limits;
@@ -29,6 +30,8 @@ pub struct Collection {
     faults: Vec<Error>,
     /// The facts of the levels of the whole, level 1 first.
     levels: Vec<Facts>,
+    /// The function that the whole was built with.
+    levels_function: Option<TransferFunction>,
 }
 
 /// A brick of an open collection.
@@ -89,7 +92,10 @@ impl Collection {
             opened(&path.join(&entry.file), &content, limits)
         });
         let mut levels: Vec<Facts> = manifest.levels().into_iter().map(|level| level.facts).collect();
-        let mut collection = Collection { path, manifest, bricks, preview, faults, levels: Vec::new() };
+        let levels_function = TransferFunction::of_description(manifest.description().as_bytes())
+            .and_then(|function| function.with_voxel_length(manifest.grid.mean_spacing()).ok());
+        let mut collection =
+            Collection { path, manifest, bricks, preview, faults, levels: Vec::new(), levels_function };
         for (number, facts) in levels.iter_mut().enumerate() {
             let of_bricks = collection.once().iter().filter_map(|brick| brick.levels.get(number));
             facts.visible_voxels = of_bricks.map(|(facts, _)| facts.visible_voxels).sum();
@@ -135,6 +141,11 @@ impl Collection {
         // Of several the first.
         let partitions = (0..self.manifest.partitions.len()).rev().map(|number| self.bricks_of(number));
         &self.bricks[partitions.max_by_key(there).expect("there is a partition")]
+    }
+
+    /// Returns the transfer function that the whole was built with; `None` if it stores none that can be read.
+    pub(super) fn levels_function(&self) -> Option<&TransferFunction> {
+        self.levels_function.as_ref()
     }
 
     /// Returns the number of visible voxels in bricks without faults.

@@ -8,6 +8,7 @@ use super::Partition;
 use crate::arena::layout::Facts;
 use crate::arena::levels::level_facts;
 use crate::arena::{Arena, Lane, LaneRows, Levels, MOST_LEVELS, Region, Rows};
+use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::splat::Lanes;
 use crate::volume::Axis;
@@ -112,7 +113,10 @@ pub(super) fn rows_of<'a>(arena: &Arena<'a>, number: u8, window: Option<&Region>
 }
 
 /// The levels of the whole, whose lanes nobody has: enough to choose a level by.
-pub(super) struct WholeLevels<'a>(pub(super) &'a [Facts]);
+pub(super) struct WholeLevels<'a> {
+    pub(super) facts: &'a [Facts],
+    pub(super) function: Option<&'a TransferFunction>,
+}
 
 impl Lanes for WholeLevels<'_> {
     fn lane(&self, _axis: Axis) -> Result<Lane<'_>> {
@@ -120,6 +124,10 @@ impl Lanes for WholeLevels<'_> {
     }
 
     fn levels(&self) -> &[Facts] {
-        self.0
+        self.facts
+    }
+
+    fn levels_function(&self) -> Option<&TransferFunction> {
+        self.function
     }
 }

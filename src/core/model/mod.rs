@@ -48,6 +48,8 @@ struct Stored {
     /// The facts of the coarser levels of detail, and their derived lanes; level 1 first.
     level_facts: Vec<Facts>,
     level_lanes: Vec<DerivedLanes>,
+    /// The function that the file was built with.
+    levels_function: TransferFunction,
 }
 
 #[derive(Debug)]
@@ -138,7 +140,8 @@ impl Model {
         let level_facts: Vec<Facts> =
             (1..=MOST_LEVELS).map_while(|level| bytes.level(level).map(|level| level.facts().clone())).collect();
         let level_lanes = level_facts.iter().map(|_| DerivedLanes::new(derived.memory())).collect();
-        let stored = Stored { bytes, facts, derived, level_facts, level_lanes };
+        let levels_function = transfer.clone();
+        let stored = Stored { bytes, facts, derived, level_facts, level_lanes, levels_function };
         Ok(Model { stored: Arc::new(stored), transfer: Arc::new(transfer) })
     }
 
@@ -286,6 +289,10 @@ impl Lanes for Model {
 
     fn levels(&self) -> &[Facts] {
         &self.stored.level_facts
+    }
+
+    fn levels_function(&self) -> Option<&TransferFunction> {
+        Some(&self.stored.levels_function)
     }
 
     fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {

@@ -7,12 +7,6 @@ use crate::arena::layout::Scales;
 use crate::classify::{MagnitudeCodec, TransferFunction};
 use crate::error::{Error, Result};
 
-/// The members of a description that drawing needs. The others are skipped: as JSON values a long text takes much memory.
-#[derive(Deserialize)]
-struct Function {
-    transfer_function: TransferFunction,
-}
-
 #[derive(Deserialize)]
 struct Values {
     values: Extremes,
@@ -26,7 +20,7 @@ struct Extremes {
 
 /// Returns the transfer function that the file was built with; `None` if the file stores none that can be read.
 pub fn stored_transfer(arena: &Arena) -> Option<TransferFunction> {
-    let Function { transfer_function } = serde_json::from_slice(arena.description()).ok()?;
+    let transfer_function = TransferFunction::of_description(arena.description())?;
     // Another writer may have left out the length that is the grid's by default.
     transfer_function.with_voxel_length(arena.facts().grid.mean_spacing()).ok()
 }

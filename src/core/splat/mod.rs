@@ -58,6 +58,11 @@ pub trait Lanes: Sync {
         &[]
     }
 
+    /// Returns the transfer function by whose opacities the levels were made; `None` if any function will do.
+    fn levels_function(&self) -> Option<&TransferFunction> {
+        None
+    }
+
     /// Returns the lane of `level` along `axis`; level 0 has the voxels themselves.
     ///
     /// # Errors
