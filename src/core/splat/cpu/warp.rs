@@ -293,7 +293,7 @@ fn resample<S: Simd, const POINTS: usize>(
     let seen = points.map(|point| from.columns_seen(line(point, 0.0), row.len()));
     let seen = seen.into_iter().filter(|columns| !columns.is_empty());
     let columns = seen.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or_default();
-    let rows: [&[[f32; 4]]; 4] = from.rows();
+    let rows = from.rows();
     for first in columns.clone().step_by(TOGETHER) {
         let pixels = &mut row[first..columns.end.min(first + TOGETHER)];
         let mut at = [PlanePoints::at_zero(simd); POINTS];
@@ -317,7 +317,7 @@ fn resample<S: Simd, const POINTS: usize>(
             for (at, [across, down]) in at.iter().zip(&weights) {
                 if POINTS == 1 || at.near >> i & 1 == 1 {
                     let first = (at.pixel[i] as usize).wrapping_sub(from.columns + 1);
-                    sum += weighted(simd, &rows, first, (across, down), i);
+                    sum += weighted(simd, &rows, first, [across, down], i);
                 }
             }
             *pixel = in_range(sum * (1.0 / POINTS as f32), most);
@@ -325,29 +325,24 @@ fn resample<S: Simd, const POINTS: usize>(
     }
 }
 
-/// Returns the sum of values, from index `first` on and in rows below each other, times weights number `i` of each column and row.
+/// Returns the sum of four columns and rows of values, from index `first` on, times weights number `i` of each column and row.
 #[inline(always)]
-fn weighted<S: Simd, const ACROSS: usize, const DOWN: usize>(
+fn weighted<S: Simd>(
     simd: S,
-    rows: &[&[[f32; 4]]; DOWN],
+    rows: &[&[[f32; 4]]; 4],
     first: usize,
-    (across, down): (&[[f32; TOGETHER]; ACROSS], &[[f32; TOGETHER]; DOWN]),
+    [across, down]: [&[[f32; TOGETHER]; 4]; 2],
     i: usize,
 ) -> f32x4<S> {
-    // Sums down the columns first: four columns and colours together fill a vector.
-    let mut sums = [f32x16::splat(simd, 0.0); TAPS / 4];
-    for (row, down) in rows.iter().zip(down) {
-        let Some(values): Option<&[[f32; 4]; ACROSS]> = row.get(first..).and_then(<[_]>::first_chunk) else { break };
-        for (sum, values) in sums.iter_mut().zip(values.as_chunks::<4>().0) {
-            *sum += f32x16::from_slice(simd, values.as_flattened()) * down[i];
-        }
+    // Sums down the columns first: all four columns and colours together fill a vector.
+    let mut sums = f32x16::splat(simd, 0.0);
+    for k in 0..4 {
+        let Some(values): Option<&[[f32; 4]; 4]> = rows[k].get(first..).and_then(<[_]>::first_chunk) else { break };
+        sums += f32x16::from_slice(simd, values.as_flattened()) * down[k][i];
     }
-    let of_four = sums.iter().zip(across.as_chunks::<4>().0).map(|(sums, across)| {
-        let (left, right) = sums.split();
-        let ((a, b), (c, d)) = (left.split(), right.split());
-        (a * across[0][i] + b * across[1][i]) + (c * across[2][i] + d * across[3][i])
-    });
-    of_four.reduce(|a, b| a + b).unwrap_or(f32x4::splat(simd, 0.0))
+    let (left, right) = sums.split();
+    let ((a, b), (c, d)) = (left.split(), right.split());
+    (a * across[0][i] + b * across[1][i]) + (c * across[2][i] + d * across[3][i])
 }
 
 /// Limits a pixel to what interpolation may not leave: alpha to 0 to `largest`, and colours to 0 and above, 0 where alpha is 0.
@@ -362,10 +357,10 @@ fn in_range<S: Simd>(pixel: f32x4<S>, largest: f32) -> [f32; 4] {
 const BRIGHTEST: f32 = 2.0;
 
 impl Plane<'_> {
-    /// Returns the values from each of its first rows on, all of one length.
-    fn rows<const N: usize>(&self) -> [&[[f32; 4]]; N] {
-        let len = self.values.len() - (N - 1) * self.columns;
-        std::array::from_fn(|row| &self.values[row * self.columns..][..len])
+    /// Returns the values from each of its first four rows on, all of one length.
+    fn rows(&self) -> [&[[f32; 4]]; 4] {
+        let len = self.values.len() - 3 * self.columns;
+        [0, 1, 2, 3].map(|row| &self.values[row * self.columns..][..len])
     }
 
     /// Returns the columns of a row of the picture that see what was drawn. Each of the three `lines` is a step and a first
@@ -428,7 +423,9 @@ fn blur_along<S: Simd, const ALONG: usize>(
 ) {
     let line = map.map(|[a, b, c]| [a, b * y + c]);
     let columns = from.columns_seen(line, row.len());
-    let (few, many): ([&[[f32; 4]]; 4], [&[[f32; 4]]; TAPS]) = (from.rows(), from.rows());
+    let rows = from.rows();
+    // From the first four of the Gaussian's values to the others.
+    let next = if ALONG == 0 { 4 } else { 4 * from.columns };
     for first in columns.clone().step_by(TOGETHER) {
         let pixels = &mut row[first..columns.end.min(first + TOGETHER)];
         let middle = PlanePoints::of(simd, line.map(|[step, start]| [step, first as f64 * step + start]), from);
@@ -456,10 +453,10 @@ fn blur_along<S: Simd, const ALONG: usize>(
             let (spline, gaussian) = (spline_weights(past[1 - ALONG]), gaussian_weights(past[ALONG].to_array(), fall));
             for (i, sum) in sums.iter_mut().enumerate().filter(|(i, _)| middle.near >> i & 1 == 1) {
                 let at = middle.pixel[i].wrapping_add(start[i]) as usize;
-                *sum += match ALONG {
-                    0 => weighted(simd, &few, at, (&gaussian, &spline), i),
-                    _ => weighted(simd, &many, at, (&spline, &gaussian), i),
-                };
+                for (half, gaussian) in gaussian.as_chunks().0.iter().enumerate() {
+                    let weights = if ALONG == 0 { [gaussian, &spline] } else { [&spline, gaussian] };
+                    *sum += weighted(simd, &rows, at + half * next, weights, i);
+                }
             }
         }
         for (i, (pixel, sum)) in pixels.iter_mut().zip(sums).enumerate() {
