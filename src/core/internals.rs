@@ -15,10 +15,11 @@ pub mod scatter {
     pub use crate::splat::composite::{Look, Table};
     pub use crate::splat::cpu::blend::{Blend, FrontToBack};
     pub use crate::splat::cpu::dispatch::{SplatBuffers, draw_block, project_block};
-    pub use crate::splat::cpu::project::{Coordinates, GROUP, Projector, VoxelBlock, apply_strengths};
+    pub use crate::splat::cpu::project::{Projector, apply_strengths};
     pub use crate::splat::cpu::raster::BLOCK;
     pub use crate::splat::cpu::task::{BandResult, BandStats, assemble};
     pub use crate::splat::cpu::tile_buffer::Rect;
+    pub use crate::splat::cpu::voxel_block::{Coordinates, GROUP, VoxelBlock};
 }
 
 // Parts of the arena, of a build and of the volume's sources.

@@ -9,9 +9,9 @@ use std::time::Instant;
 
 use super::blend::Blend;
 use super::dispatch::{self, SplatBuffers};
-use super::project::{GROUP, VoxelBlock};
 use super::task::{BandResult, DrawTask};
 use super::tile_buffer::Rect;
+use super::voxel_block::{GROUP, VoxelBlock};
 use crate::error::Result;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 

@@ -98,8 +98,8 @@ pub(super) fn draw(
         setup.clip.crop = *stack;
         let task = DrawTask::new::<FaintFrontToBack>(setup, table, settings, omitted);
         let bands = match settings.sense {
-            Sense::FrontToBack => task.splat::<FaintFrontToBack>()?,
-            Sense::BackToFront => task.splat::<FaintBackToFront>()?,
+            Sense::FrontToBack => task.draw::<FaintFrontToBack>()?,
+            Sense::BackToFront => task.draw::<FaintBackToFront>()?,
         };
         combine(&bands, settings, &mut frame, |pixel, stack| {
             let (front, behind) = match settings.sense {

@@ -11,10 +11,11 @@
 use multiversion::multiversion;
 
 use super::lattice::{Lattice, Place, Slice, TileRays};
-use super::project::{Projector, VoxelBlock, nearest_pixel};
+use super::project::{Projector, nearest_pixel};
 use super::raster::BLOCK;
 use super::slab::Tiles;
 use super::tile_buffer::{TILE, TILE_PIXELS};
+use super::voxel_block::VoxelBlock;
 use crate::arena::{Coverage, Lane};
 
 /// Number of bits of a place within a pixel, along a side; number of places, and their middle, which is the pixel's centre.
@@ -132,7 +133,7 @@ impl Footprints {
         for (j, &record) in voxels.records[..voxels.count.min(BLOCK)].iter().enumerate() {
             [shifts[0][j], shifts[1][j]] = self.shift(lane.coverage_code(record));
         }
-        let [_, mediums, fasts] = *voxels.positions();
+        let [_, mediums, fasts] = voxels.positions;
         let mut at = [[0; BLOCK]; 2];
         for (side, coordinates) in [fasts, mediums].iter().enumerate() {
             for j in 0..BLOCK {

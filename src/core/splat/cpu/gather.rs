@@ -26,7 +26,7 @@ use super::footprints::Footprints;
 use super::lattice::{Lattice, Slice};
 use super::lists::{FULL, Lists, TOGETHER};
 use super::look_tables::LookTables;
-use super::project::{GROUP, Projector, VoxelBlock, limited};
+use super::project::{Projector, limited};
 use super::raster::{BLOCK, Splats};
 use super::scan_line::{OneWay, ends, same};
 use super::slab::{Line, Slab};
@@ -35,6 +35,7 @@ use super::stamps::Stamps;
 use super::task::{BandStats, DrawTask};
 use super::tile_buffer::{Rect, TILE, TileBuffer};
 use super::tile_composite::Weights;
+use super::voxel_block::{GROUP, VoxelBlock};
 use crate::error::Result;
 use crate::splat::Code;
 use crate::traverse::{Batch, Visitor, VoxelBox};
@@ -146,23 +147,8 @@ pub(super) struct Band<'a, B> {
 }
 
 impl<'a, B: Blend> Band<'a, B> {
-    /// Returns what a thread needs to draw bands of at most `rows` rows of tiles, one after another; creates it first if
-    /// there is none.
-    pub(super) fn of<'b>(
-        made: &'b mut Option<Band<'a, B>>,
-        task: &DrawTask,
-        lattice: &'a Lattice,
-        tables: (Option<&'a LookTables>, Option<&'a Footprints>),
-        rows: usize,
-    ) -> Result<&'b mut Band<'a, B>> {
-        let band = match made.take() {
-            Some(band) => band,
-            None => Band::new(task, lattice, tables, rows)?,
-        };
-        Ok(made.insert(band))
-    }
-
-    fn new(
+    /// Returns what a thread needs to draw bands of at most `rows` rows of tiles, one after another.
+    pub(super) fn new(
         task: &DrawTask,
         lattice: &'a Lattice,
         (tables, footprints): (Option<&'a LookTables>, Option<&'a Footprints>),
@@ -421,12 +407,25 @@ impl<'a, B: Blend> Band<'a, B> {
         if voxels.count == 0 {
             return;
         }
-        let looks = match (stamps, footprints) {
-            (Some(stamps), _) => slab.add_stamped(voxels, stamps),
-            (_, Some(footprints)) => slab.add_footprints(voxels, &projector.lane, slice, footprints),
-            _ if projector.is_on_grid() => slab.add_placed(voxels, lattice, slice),
-            _ => slab.add_displaced(voxels, &projector.displaced(voxels), lattice, slice),
-        };
+        let (range, [_, mediums, fasts]) = (slab.block(), &voxels.positions);
+        if projector.is_on_grid() {
+            slab.fasts[range.clone()].copy_from_slice(fasts);
+            match stamps {
+                Some(stamps) => stamps.number(slab.last_slice(), [fasts, mediums], &mut slab.stamps[range]),
+                None => lattice.set_places(slice, [fasts, mediums], &mut slab.places[range]),
+            }
+        } else {
+            let tiles = [&mut slab.columns[range.clone()], &mut slab.rows[range.clone()]];
+            match footprints {
+                Some(footprints) => {
+                    footprints.place_block(voxels, &projector.lane, slice, &mut slab.stamps[range], tiles);
+                }
+                None => {
+                    lattice.set_places_beside(slice, &projector.displaced(voxels), &mut slab.places[range], tiles);
+                }
+            }
+        }
+        let looks = slab.add(voxels);
         match tables {
             Some(tables) => tables.colour(projector, voxels, looks),
             None => {

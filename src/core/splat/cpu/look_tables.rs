@@ -5,8 +5,9 @@
 
 use multiversion::multiversion;
 
-use super::project::{Projector, VoxelBlock, limited};
+use super::project::{Projector, limited};
 use super::raster::BLOCK;
+use super::voxel_block::VoxelBlock;
 use crate::classify::normal;
 use crate::splat::composite::Look;
 use crate::splat::shade::Lights;

@@ -14,10 +14,11 @@
 //! sums are compared with the largest sample. Adding 0 changes nothing, so a pixel's bits depend on no other pixel.
 
 use super::dispatch;
-use super::project::{Projector, VoxelBlock, affine_at, nearest_pixel};
+use super::project::{Projector, affine_at, nearest_pixel};
 use super::raster::{BLOCK, COLUMN, ROW};
 use super::task::{BandResult, DrawTask};
 use super::tile_buffer::{PixelTile, Rect, TILE, TILE_PIXELS, TileBuffer};
+use super::voxel_block::VoxelBlock;
 use crate::error::Result;
 use crate::splat::arith::{at_least, keep_if};
 use crate::splat::setup::FrameSetup;
@@ -106,7 +107,7 @@ impl SumTiles {
     ) -> u64 {
         let Rect { x0, y0, x1, y1 } = self.tiles.rect;
         let in_clip = projector.in_clip(voxels);
-        let position = |j: usize| voxels.positions().each_ref().map(|coordinates| f64::from(coordinates[j]));
+        let position = |j: usize| voxels.positions.each_ref().map(|coordinates| f64::from(coordinates[j]));
         let mut boxes = [[0; BLOCK]; 4];
         for j in 0..BLOCK {
             let [left, right, top, bottom] = rays.pixels(position(j));
@@ -124,7 +125,7 @@ impl SumTiles {
                 continue;
             }
             drawn += 1;
-            let (slice, position) = (voxels.positions()[0][j], position(j));
+            let (slice, position) = (voxels.positions[0][j], position(j));
             for row in top >> TILE..=bottom >> TILE {
                 for column in left >> TILE..=right >> TILE {
                     let Some((index, PixelTile(values))) = self.tiles.tile(column, row) else { continue };

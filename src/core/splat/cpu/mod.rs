@@ -35,6 +35,7 @@ mod task_visitor;
 pub(crate) mod tile_buffer;
 mod tile_composite;
 mod visible;
+pub(crate) mod voxel_block;
 mod warp;
 
 use std::time::{Duration, Instant};
@@ -221,8 +222,7 @@ fn draw_in_mode(
         (Mode::Composite, Sense::FrontToBack) if settings.blending == Blending::Linear => blended::<LinearFrontToBack>,
         (Mode::Composite, Sense::FrontToBack) => blended::<FrontToBack>,
         (Mode::Composite, Sense::BackToFront) => blended::<BackToFront>,
-        (Mode::Additive, _) => blended::<Additive>,
-        (Mode::Maximum | Mode::MaximumGrey, _) => return largest(setup, table, settings, omitted),
+        (Mode::Additive | Mode::Maximum | Mode::MaximumGrey, _) => blended::<Additive>,
     };
     draw(setup, table, settings, omitted, front)
 }
@@ -235,18 +235,7 @@ fn blended<B: Blend>(
     omitted: Option<&RecordSet>,
     front: Option<&Front>,
 ) -> Result<(Frame, BandStats)> {
-    let bands = DrawTask { front, ..DrawTask::new::<B>(setup, table, settings, omitted) }.splat::<B>()?;
-    assemble(&bands, settings, table)
-}
-
-/// Draws the largest value on the ray of each pixel.
-fn largest(
-    setup: &FrameSetup,
-    table: &Table,
-    settings: &Settings,
-    omitted: Option<&RecordSet>,
-) -> Result<(Frame, BandStats)> {
-    let bands = DrawTask::new::<Additive>(setup, table, settings, omitted).largest()?;
+    let bands = DrawTask { front, ..DrawTask::new::<B>(setup, table, settings, omitted) }.draw::<B>()?;
     assemble(&bands, settings, table)
 }
 

@@ -11,10 +11,9 @@
 //!
 //! Centres are computed in double precision, so that a picture of 16,384 pixels is as exact as a small one.
 
-use std::ops::Range;
-
 use super::raster::{BLOCK, Extents, Splats};
 use super::tile_buffer::{Rect, TileBuffer};
+use super::voxel_block::{Coordinates, Displaced, VoxelBlock};
 use crate::arena::{Coverage, Lane};
 use crate::classify::normal;
 use crate::splat::arith::{LOG2_E, at_least, at_most, keep_if};
@@ -25,7 +24,6 @@ use crate::splat::near::NearView;
 use crate::splat::setup::FrameSetup;
 use crate::splat::shade::Lights;
 use crate::splat::view::{Affine, PixelMap, single};
-use crate::traverse::Batch;
 
 /// Holds all parameters of a frame that turn a voxel into a splat.
 #[derive(Debug)]
@@ -58,116 +56,6 @@ pub struct Projector<'a> {
     /// The distance between neighbouring voxels on each axis, in mean voxel spacings.
     pub(super) steps: [f32; 3],
 }
-
-/// Yields the coordinates of a block's voxels along the slow, medium and fast axis, for every index below [`BLOCK`].
-pub trait Coordinates {
-    /// Returns the coordinates of voxel `j`.
-    fn at(&self, j: usize) -> [f64; 3];
-}
-
-/// The places of a block's voxels in a lane with coverages: at the mean of what is visible of their blocks.
-pub(super) struct Displaced<'a> {
-    positions: &'a [[u16; BLOCK]; 3],
-    /// By how much, in voxels, along the slow, medium and fast axis.
-    offsets: [[f32; BLOCK]; 3],
-}
-
-impl Coordinates for Displaced<'_> {
-    #[inline(always)]
-    fn at(&self, j: usize) -> [f64; 3] {
-        let on_grid = self.positions.at(j);
-        [0, 1, 2].map(|axis| on_grid[axis] + f64::from(self.offsets[axis][j]))
-    }
-}
-
-impl Coordinates for [[u16; BLOCK]; 3] {
-    #[inline(always)]
-    fn at(&self, j: usize) -> [f64; 3] {
-        [self[0][j].into(), self[1][j].into(), self[2][j].into()]
-    }
-}
-
-/// Voxels of a lane that wait until a block is full.
-pub struct VoxelBlock {
-    /// Number of voxels.
-    pub count: usize,
-    /// The coordinates of the voxels along the slow, medium and fast axis.
-    positions: [[u16; BLOCK]; 3],
-    /// For each voxel: the index of its record in the lane's channels.
-    pub(super) records: [usize; BLOCK],
-}
-
-impl VoxelBlock {
-    /// Returns an empty block.
-    pub fn new() -> Box<VoxelBlock> {
-        Box::new(VoxelBlock { count: 0, positions: [[0; BLOCK]; 3], records: [0; BLOCK] })
-    }
-
-    /// Returns whether there is room for `more` voxels.
-    #[inline(always)]
-    pub fn have_room(&self, more: usize) -> bool {
-        self.count + more <= BLOCK
-    }
-
-    /// Adds those voxels of a part of `batch` whose fast coordinate is `marked`. There must be room for all.
-    #[inline(always)]
-    pub(super) fn add_marked(&mut self, batch: &Batch, range: Range<usize>, marked: impl Fn(usize) -> bool) {
-        let [slow, medium, fast] = &mut self.positions;
-        let mut count = self.count;
-        for index in range {
-            let at = count % BLOCK;
-            let place = batch.fast[index];
-            (slow[at], medium[at], fast[at]) = (batch.slow, batch.medium[index], place);
-            self.records[at] = batch.record_index(index);
-            count += usize::from(marked(place.into()));
-        }
-        self.count = count;
-    }
-
-    /// Adds `count` voxels of `batch`, starting with voxel `from`: at most [`GROUP`], for which there must be room.
-    #[inline(always)]
-    pub(super) fn add_group(&mut self, batch: &Batch, from: usize, count: usize) {
-        let sources = (batch.medium[from..].first_chunk(), batch.fast[from..].first_chunk());
-        let (Some(medium), Some(fast)) = sources else {
-            self.add(batch, from, count);
-            return;
-        };
-        // As many as vectors hold, instead of a call to copy a few; those beyond `count` do not matter.
-        let target = self.count..self.count + GROUP;
-        for (positions, source) in self.positions.iter_mut().zip([&[batch.slow; GROUP], medium, fast]) {
-            positions[target.clone()].copy_from_slice(source);
-        }
-        for (record, index) in self.records[target].iter_mut().zip(from..) {
-            *record = batch.record_index(index);
-        }
-        self.count += count;
-    }
-
-    /// Returns the coordinates of the voxels along the slow, medium and fast axis.
-    #[inline(always)]
-    pub(super) fn positions(&self) -> &[[u16; BLOCK]; 3] {
-        &self.positions
-    }
-
-    /// Adds up to `most` voxels of `batch`, starting with voxel `from`, while there is room; returns how many.
-    #[inline(always)]
-    pub fn add(&mut self, batch: &Batch, from: usize, most: usize) -> usize {
-        let count = (batch.len() - from).min(most).min(BLOCK - self.count);
-        let (source, target) = (from..from + count, self.count..self.count + count);
-        let [slow, medium, fast] = &mut self.positions;
-        slow[target.clone()].fill(batch.slow);
-        medium[target.clone()].copy_from_slice(&batch.medium[source.clone()]);
-        fast[target.clone()].copy_from_slice(&batch.fast[source.clone()]);
-        for (record, index) in self.records[target].iter_mut().zip(source) {
-            *record = batch.record_index(index);
-        }
-        self.count += count;
-        count
-    }
-}
-
-/// How many voxels are added to a block together, and where their line has gaps, tested for visibility together before.
-pub const GROUP: usize = 16;
 
 impl<'a> Projector<'a> {
     /// Creates the projector of a frame. For `alpha_ink` and `stop`, see the fields.

@@ -4,7 +4,7 @@
 
 use std::ops::Range;
 
-use super::project::GROUP;
+use super::voxel_block::GROUP;
 
 /// Returns how many of the first coordinates are equal, of lines that follow each other: where a coordinate comes again later, as a
 /// damaged file may have it, lines may come out as one.
@@ -39,7 +39,7 @@ pub(super) struct OneWay<'a> {
 
 impl<'a> OneWay<'a> {
     /// `None` if coordinates neither rise nor fall all along, as where a line has voxels on both sides of the eye; or if the line
-    /// is has gaps and is so short that a look at all its voxels is faster.
+    /// has gaps and is so short that a look at all its voxels is faster.
     #[inline(always)]
     pub(super) fn of(fasts: &'a [u16]) -> Option<OneWay<'a>> {
         let (&first, &last) = (fasts.first()?, fasts.last()?);

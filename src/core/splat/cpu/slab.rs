@@ -3,13 +3,12 @@
 //! In: the voxels of a walk that an open tile may show, line by line, with colours. Out: for each row of tiles, the lines
 //! that reach it, in visit order, and their runs of neighbouring voxels; for each voxel, what a tile needs to take it.
 
-use super::footprints::Footprints;
-use super::lattice::{Lattice, Place, Slice};
+use std::ops::Range;
+
+use super::lattice::Place;
 use super::lists::TOGETHER;
-use super::project::{Displaced, VoxelBlock};
 use super::raster::BLOCK;
-use super::stamps::Stamps;
-use crate::arena::Lane;
+use super::voxel_block::VoxelBlock;
 use crate::error::Result;
 use crate::splat::frame::zeroed;
 
@@ -80,16 +79,16 @@ pub(super) struct Slab {
     count: usize,
     runs: Vec<Run>,
     /// Where voxels lie on points of the grid: the coordinate on the fast axis.
-    fasts: Box<[u16]>,
+    pub(super) fasts: Box<[u16]>,
     /// Where they lie beside them: the columns and the rows of tiles that the voxel reaches.
-    columns: Box<[Tiles]>,
-    rows: Box<[Tiles]>,
+    pub(super) columns: Box<[Tiles]>,
+    pub(super) rows: Box<[Tiles]>,
     /// Red, green, blue, and the optical depth in units of ln 2, for a tile of strength 1.
     looks: Box<[[f32; 4]]>,
     /// With stamps or footprints: the number of the weights for the first tile of the plane.
-    stamps: Box<[i32]>,
+    pub(super) stamps: Box<[i32]>,
     /// In a perspective: where the voxel is on the plane.
-    places: Box<[Place]>,
+    pub(super) places: Box<[Place]>,
 }
 
 impl Slab {
@@ -143,66 +142,24 @@ impl Slab {
         let number = self.lines.len() as u32;
         self.of_row[low..=high].iter_mut().for_each(|lines| lines.push(number));
         let splats = splats.map(|splat| splat as u32);
-        self.lines.push(Line { slice: self.slices.max(1) - 1, medium: medium.into(), splats, runs: [0; 2] });
+        self.lines.push(Line { slice: self.last_slice(), medium: medium.into(), splats, runs: [0; 2] });
     }
 
-    /// Adds the splats of a block's voxels, of the last slice, whose weights are stamps; returns where their looks are to be
-    /// put.
+    /// Returns the number of the last slice.
     #[inline(always)]
-    pub(super) fn add_stamped(&mut self, voxels: &VoxelBlock, stamps: &Stamps) -> &mut [[f32; 4]] {
-        let range = self.count..self.count + BLOCK;
-        let [_, mediums, fasts] = voxels.positions();
-        let slice = self.slices.max(1) - 1;
-        stamps.number(slice, [fasts, mediums], &mut self.stamps[range.clone()]);
-        self.fasts[range].copy_from_slice(fasts);
-        self.looks_of(voxels)
+    pub(super) fn last_slice(&self) -> usize {
+        self.slices.max(1) - 1
     }
 
-    /// Adds the splats of a block's voxels, of the last slice, which lie on points of the grid in a perspective; returns where
-    /// their looks are to be put.
+    /// Returns the places of the next block's voxels in the arrays.
     #[inline(always)]
-    pub(super) fn add_placed(&mut self, voxels: &VoxelBlock, lattice: &Lattice, slice: &Slice) -> &mut [[f32; 4]] {
-        let range = self.count..self.count + BLOCK;
-        let [_, mediums, fasts] = voxels.positions();
-        lattice.set_places(slice, [fasts, mediums], &mut self.places[range.clone()]);
-        self.fasts[range].copy_from_slice(fasts);
-        self.looks_of(voxels)
+    pub(super) fn block(&self) -> Range<usize> {
+        self.count..self.count + BLOCK
     }
 
-    /// Adds the splats of a block's voxels, of the last slice, whose weights are footprints; returns where their looks are to
-    /// be put.
+    /// Adds the splats of a block's voxels, of which all but looks is in the arrays; returns where their looks are to be put.
     #[inline(always)]
-    pub(super) fn add_footprints(
-        &mut self,
-        voxels: &VoxelBlock,
-        lane: &Lane,
-        slice: &Slice,
-        footprints: &Footprints,
-    ) -> &mut [[f32; 4]] {
-        let range = self.count..self.count + BLOCK;
-        let tiles = [&mut self.columns[range.clone()], &mut self.rows[range.clone()]];
-        footprints.place_block(voxels, lane, slice, &mut self.stamps[range], tiles);
-        self.looks_of(voxels)
-    }
-
-    /// Adds the splats of a block's voxels, of the last slice, which are at `positions`, beside points of the grid, in a
-    /// perspective; returns where their looks are to be put.
-    #[inline(always)]
-    pub(super) fn add_displaced(
-        &mut self,
-        voxels: &VoxelBlock,
-        positions: &Displaced,
-        lattice: &Lattice,
-        slice: &Slice,
-    ) -> &mut [[f32; 4]] {
-        let range = self.count..self.count + BLOCK;
-        let tiles = [&mut self.columns[range.clone()], &mut self.rows[range.clone()]];
-        lattice.set_places_beside(slice, positions, &mut self.places[range], tiles);
-        self.looks_of(voxels)
-    }
-
-    #[inline(always)]
-    fn looks_of(&mut self, voxels: &VoxelBlock) -> &mut [[f32; 4]] {
+    pub(super) fn add(&mut self, voxels: &VoxelBlock) -> &mut [[f32; 4]] {
         let first = self.count;
         self.count += voxels.count.min(BLOCK);
         &mut self.looks[first..self.count]

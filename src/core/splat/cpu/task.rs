@@ -93,21 +93,15 @@ impl<'a> DrawTask<'a> {
         DrawTask { projector, setup, settings, omitted, front: None, visible: None }
     }
 
-    /// Draws all splats, band by band.
-    pub(super) fn splat<B: Blend>(&self) -> Result<Vec<BandResult>> {
+    /// Draws all splats, or the largest value on the ray of each pixel, band by band.
+    pub(super) fn draw<B: Blend>(&self) -> Result<Vec<BandResult>> {
         let rect = full_rect(self.settings.size);
-        match (self.settings.blending, self.settings.code) {
-            (Blending::Sheets, _) => Ok(vec![plain::draw_sheets(self, rect)?]),
-            (_, Code::Plain) => Ok(vec![plain::draw::<B>(self, rect)?]),
-            _ => self.in_bands(self.lines_follow_rows(), &|rect| band::draw::<B>(self, rect)),
-        }
-    }
-
-    /// Draws the largest value on the ray of each pixel, band by band.
-    pub(super) fn largest(&self) -> Result<Vec<BandResult>> {
-        match self.settings.code {
-            Code::Plain => Ok(vec![plain::draw_largest(self, full_rect(self.settings.size))?]),
-            _ => self.in_bands(self.lines_follow_rows(), &|rect| maximum::draw(self, rect)),
+        match (self.settings.mode.is_maximum(), self.settings.blending, self.settings.code) {
+            (true, _, Code::Plain) => Ok(vec![plain::draw_largest(self, rect)?]),
+            (true, ..) => self.in_bands(&|rect| maximum::draw(self, rect)),
+            (_, Blending::Sheets, _) => Ok(vec![plain::draw_sheets(self, rect)?]),
+            (_, _, Code::Plain) => Ok(vec![plain::draw::<B>(self, rect)?]),
+            _ => self.in_bands(&|rect| band::draw::<B>(self, rect)),
         }
     }
 
@@ -137,9 +131,12 @@ impl<'a> DrawTask<'a> {
         let (mut frame, mut stats) = (Frame::transparent(lattice.kept())?, BandStats::default());
         let level = dispatch::level(settings.code);
         let [columns, kept_rows] = [frame.size()[0] as usize, (each << TILE) >> u32::from(halves[1])];
-        let draw = |band: &mut _, (index, kept): (usize, &mut [[f32; 4]])| {
+        let draw = |band: &mut Option<_>, (index, kept): (usize, &mut [[f32; 4]])| {
             let rows = [each * index, rows.min(each * (index + 1))].map(|row| row as i32);
-            let band = Band::of(band, self, lattice, tables, each)?;
+            let band = match band {
+                Some(band) => band,
+                None => band.insert(Band::new(self, lattice, tables, each)?),
+            };
             let stats = gather::draw::<B>(self, band, &shown, rows)?;
             fearless_simd::dispatch!(level, simd => match is_halved {
                 true => band.pixels.put_halved(simd, transmits, halves, kept, columns),
@@ -174,12 +171,9 @@ impl<'a> DrawTask<'a> {
         pixels(&self.setup.view, self.projector.half_widths(), rect, bounds)
     }
 
-    /// Cuts the picture into bands of rows (`by_rows`) or of columns, and draws each on a thread of its own.
-    pub(super) fn in_bands(
-        &self,
-        by_rows: bool,
-        draw: &(dyn Fn(Rect) -> Result<BandResult> + Sync),
-    ) -> Result<Vec<BandResult>> {
+    /// Cuts the picture into bands of rows or of columns, and draws each on a thread of its own.
+    fn in_bands(&self, draw: &(dyn Fn(Rect) -> Result<BandResult> + Sync)) -> Result<Vec<BandResult>> {
+        let by_rows = self.lines_follow_rows();
         let full = full_rect(self.settings.size);
         let side = usize::try_from(if by_rows { full.y1 } else { full.x1 }).unwrap_or(1);
         let borders = self.borders(by_rows, self.settings.threads.clamp(1, side));

@@ -5,9 +5,10 @@
 //! the view changes by less than that threshold. Splats of one block do not hide each other: the error is to mark too
 //! many voxels.
 
-use super::project::{Projector, VoxelBlock};
+use super::project::Projector;
 use super::raster::{BLOCK, SplatKernel, Splats};
 use super::tile_buffer::TileBuffer;
+use super::voxel_block::VoxelBlock;
 use crate::arena::RecordSet;
 use crate::splat::view::PixelMap;
 

@@ -28,10 +28,11 @@ use glam::{DMat3, DVec3};
 
 pub(super) use self::tile_rays::{TileRays, near_weight};
 use super::front::Front;
-use super::project::{Coordinates, Displaced, nearest_pixel};
+use super::project::nearest_pixel;
 use super::raster::BLOCK;
 use super::slab::Tiles;
 use super::tile_buffer::TILE;
+use super::voxel_block::{Coordinates, Displaced};
 use crate::splat::kernel::KernelShape;
 
 /// The plane of a view, and how voxels, plane and picture map to each other.
