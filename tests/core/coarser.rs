@@ -249,7 +249,9 @@ fn as_opaque(
             if channels.magnitude_bits == 0 { f64::MAX } else { codec.decode(u8::try_from(magnitude).unwrap()) };
         let opacity = stored_opacity(function, scales, u16::try_from(value).unwrap(), steep);
         let depth = if opacity < 1.0 { -(-opacity).ln_1p() } else { 16.0 };
-        (65536.0 * depth.min(16.0)).round() as i128
+        #[expect(clippy::cast_possible_truncation, reason = "at most 2^20")]
+        let parts = (65536.0 * depth.min(16.0)).round() as i128;
+        parts
     };
     let depths: Vec<i128> = voxels.iter().map(|(_, codes)| depth(codes.map(i128::from))).collect();
     let shares: i128 = voxels.iter().map(|(share, _)| share).sum();
