@@ -67,12 +67,19 @@ pub(crate) struct Look {
 }
 
 impl Look {
-    /// The look of a file with this description and these scales.
-    pub(crate) fn new(description: &str, scales: &Scales) -> Look {
+    /// The look of a file with this description and these scales; `voxel_length` is the mean spacing of its grid.
+    pub(crate) fn new(description: &str, scales: &Scales, voxel_length: f64) -> Look {
         let description = serde_json::from_str(description).unwrap_or(serde_json::Value::Null);
         let function = &description["transfer_function"];
         let parsed = TransferFunction::from_json(&function.to_string()).ok();
+        let parsed = parsed.map(|function| function.with_voxel_length(voxel_length).unwrap());
         Look { is_labels: function["kind"] == "labels", function: parsed.map(|function| (function, *scales)) }
+    }
+
+    /// The depth of a voxel; 0 where it does not matter.
+    fn depth(&self, record: &Record, channels: Channels) -> i128 {
+        let Some(function) = self.function.as_ref().filter(|_| !self.is_labels) else { return 0 };
+        depth_of(function, [record.value.into(), record.magnitude.into()], channels)
     }
 
     /// How much is seen through a voxel, 0 to 255.
@@ -140,7 +147,7 @@ pub(crate) fn coarser(voxels: &Voxels, channels: Channels, factors: [u32; 3], lo
         let seen_through = |at| voxels.get(&at).map_or(255, |neighbour| look.seen_through(neighbour, channels));
         let seen = 1 + neighbours.map(seen_through).sum::<i128>();
         let covered = Covered::new(&record, channels);
-        let weight = covered.share * seen;
+        let weight = covered.share * seen * (1 + look.depth(&record, channels) / 1024);
         let [x, y, z] = [0, 1, 2].map(|a| point[a] % factors[a]);
         let place = [0, 1, 2].map(|a| point[a] / factors[a]);
         blocks.entry(place).or_default().push(Member { at: [z, y, x], record, covered, weight });
@@ -200,8 +207,9 @@ fn mean(block: &[Member], channels: Channels, look: &Look) -> Record {
     let means = [0, 1].map(|k| mean(&|record| value_and_magnitude(record)[k].into()));
     let [mut value, magnitude] = match &look.function {
         Some(function) if !look.is_labels => {
+            let depth = |codes| depth_of(function, codes, channels);
             let voxels = block.iter().map(|member| (member.covered.share, value_and_magnitude(&member.record)));
-            as_opaque(means, &voxels.collect::<Vec<_>>(), channels, function)
+            as_opaque(means, &voxels.collect::<Vec<_>>(), &depth)
         }
         _ => means,
     }
@@ -235,27 +243,30 @@ fn mean(block: &[Member], channels: Channels, look: &Look) -> Record {
     Record { value, normal, magnitude: u8::try_from(magnitude).unwrap(), coverage: 0 }
 }
 
+/// The depth of the codes of a value and a magnitude, in parts of 65,536.
+fn depth_of(
+    (function, scales): &(TransferFunction, Scales),
+    [value, magnitude]: [i128; 2],
+    channels: Channels,
+) -> i128 {
+    let codec = MagnitudeCodec::new(scales.magnitude_scale).unwrap();
+    let steep = if channels.magnitude_bits == 0 { f64::MAX } else { codec.decode(u8::try_from(magnitude).unwrap()) };
+    let opacity = stored_opacity(function, scales, u16::try_from(value).unwrap(), steep);
+    let depth = if opacity < 1.0 { -(-opacity).ln_1p() } else { 16.0 };
+    #[expect(clippy::cast_possible_truncation, reason = "at most 2^20")]
+    let parts = (65536.0 * depth.min(16.0)).round() as i128;
+    parts
+}
+
 /// The value and magnitude codes, from the means of a block toward those of one of its voxels, that are as opaque as the block
 /// is in the mean. `voxels`: the share and the codes of each.
-fn as_opaque(
-    means: [i128; 2],
-    voxels: &[(i128, [u16; 2])],
-    channels: Channels,
-    (function, scales): &(TransferFunction, Scales),
-) -> [i128; 2] {
-    let codec = MagnitudeCodec::new(scales.magnitude_scale).unwrap();
-    let depth = |[value, magnitude]: [i128; 2]| {
-        let steep =
-            if channels.magnitude_bits == 0 { f64::MAX } else { codec.decode(u8::try_from(magnitude).unwrap()) };
-        let opacity = stored_opacity(function, scales, u16::try_from(value).unwrap(), steep);
-        let depth = if opacity < 1.0 { -(-opacity).ln_1p() } else { 16.0 };
-        #[expect(clippy::cast_possible_truncation, reason = "at most 2^20")]
-        let parts = (65536.0 * depth.min(16.0)).round() as i128;
-        parts
-    };
+fn as_opaque(means: [i128; 2], voxels: &[(i128, [u16; 2])], depth: &dyn Fn([i128; 2]) -> i128) -> [i128; 2] {
     let depths: Vec<i128> = voxels.iter().map(|(_, codes)| depth(codes.map(i128::from))).collect();
     let shares: i128 = voxels.iter().map(|(share, _)| share).sum();
     let wanted = voxels.iter().zip(&depths).map(|((share, _), depth)| share * depth).sum::<i128>() / shares;
+    if depth(means) == wanted {
+        return means;
+    }
     // The means lie on one side, some voxels on the other: as opaque as wanted counts as more.
     let side = |depth: i128| depth >= wanted;
     let others = (0..voxels.len()).filter(|&i| side(depths[i]) != side(depth(means)));

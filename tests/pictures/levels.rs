@@ -185,9 +185,14 @@ fn with_other_opacities_than_those_of_the_build_the_voxels_are_drawn() {
     assert_eq!(with(model.transfer().clone()), 1);
     assert_eq!(with(at_least(20.0)), 1);
     assert_eq!(with(at_least(150.0)), 0);
-    let near =
-        decibels(&draw(&model, &camera, &Settings::new(size)), &truth(&model, &camera, &Settings::new(size)), EMPTY);
-    println!("{near:.1} dB");
+    // Drafts, which show how a picture will be, go on with levels; so does a function that only scales the depths.
+    let narrower = model.with_transfer(at_least(150.0)).unwrap();
+    let draft = Settings::new(size).with_quality(Quality::Draft);
+    assert_ne!(level_parts(&narrower.scene(), &camera, &draft).unwrap()[0].level, 0);
+    let fainter = r#"{"kind": "range", "low": 20, "opacity": 0.3}"#;
+    assert_eq!(with(transfer(fainter)), 1);
+    let settings = Settings::new(size);
+    assert!(draw(&narrower, &camera, &settings) == draw(&narrower, &camera, &settings.clone().with_level(0)));
 }
 
 /// The opacity of a mean value is not the mean opacity. Levels let more light through than their voxels do: 14 and 6 %.

@@ -2,14 +2,14 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "coordinates of small grids")]
 
-use adjsplat::arena::Record;
+use adjsplat::arena::{Channels, Record};
 use adjsplat::build::Built;
 use adjsplat::splat::{Camera, ClipPlane, Code, Mode, Orbit, Projection, Quality, Settings, WorldFrame};
 use adjsplat::traverse::{Sense, VoxelBox};
 use adjsplat::volume::{Grid, SampleType};
 use adjsplat_judge::reference::{Judge, JudgeSettings};
 use adjsplat_tests::pictures::{alphas, apart, bits};
-use adjsplat_tests::scenes::{Draw as _, PLAIN, at_least, built, fitting, packed, phantom, volume};
+use adjsplat_tests::scenes::{Draw as _, PLAIN, at_least, built, fitting, packed, phantom, transfer, volume};
 use adjsplat_tests::{random::Random, real_volume};
 use glam::DVec3;
 
@@ -54,6 +54,19 @@ fn a_bright_voxel_is_half_as_bright_half_a_voxel_away() {
             assert!((got - want).abs() < 1e-5, "{forward:?} {column} {row}: {got} {want}");
         }
     }
+}
+
+/// A function may show voxels of small gradients only.
+#[test]
+fn a_maximum_shows_values_that_a_falling_ramp_of_gradients_shows() {
+    let falling = r##"{"kind": "points", "points": [{"value": 0, "colour": "#ffffff", "opacity": 0.5}],
+        "gradient": [{"magnitude": 0, "factor": 1}, {"magnitude": 100, "factor": 0}]}"##;
+    let channels = Channels { magnitude_bits: 8, ..PLAIN };
+    let model = packed(Grid::new([5; 3], [1.0; 3]).unwrap(), channels, transfer(falling), |at| {
+        (at == [2; 3]).then_some(Record { value: 200, ..Record::default() })
+    });
+    let frame = model.frame(&along([0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [2.0; 3], 5.0), &grey([5, 5]));
+    assert!(frame.pixel(2, 2)[3] > 0.99, "{:?}", frame.pixel(2, 2));
 }
 
 #[test]

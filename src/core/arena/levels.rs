@@ -1,9 +1,10 @@
 //! Levels of detail: the same voxels on a grid with fewer points.
 //!
 //! In: rows of voxels. Out: rows of a coarser level, whose voxels stand for blocks of up to 2 x 2 x 2 points. A voxel's
-//! coverage says how much of its block is visible and where. Its codes are means, in which voxels count by their share and by
-//! what is seen of their faces, moved to where they are as opaque as the block. A level is computed from the level below it as that is stored, so all levels follow from the
-//! stored voxels and the file's transfer function: `formats/adj-1.md`, section 13.
+//! coverage says how much of its block is visible and where. Its codes are means, in which voxels count by their share, by
+//! what is seen of their faces, and by their optical depth. They are then moved to where the voxel is as opaque as its block.
+//! A level is computed from the level below it as that is stored, so all levels follow from the stored voxels and the file's
+//! transfer function: `formats/adj-1.md`, section 13.
 //!
 //! Memory: the visible voxels of a few rows for each thread that reads.
 
@@ -133,45 +134,55 @@ pub struct LevelLook {
     depths: Option<CodeDepths>,
 }
 
-/// The optical depths of codes.
+/// The optical depths of codes, per reference length, in parts of 65,536.
 #[derive(Debug, Clone)]
 struct CodeDepths {
     function: TransferFunction,
     scales: Scales,
     /// The gradient magnitudes of codes, if depths depend on these.
     magnitudes: Option<MagnitudeCodec>,
-    /// For each value code, if they do not.
-    of_values: Vec<u32>,
+    /// For each value code, or for each pair of codes of an 8-bit value and a magnitude: the index is then the value's code times
+    /// 256 plus the magnitude's. Empty for 16-bit values with magnitudes: all their pairs would take 64 MiB.
+    table: Vec<u32>,
 }
 
 impl CodeDepths {
-    /// `None` if the scale of magnitudes is out of range.
+    /// `None` if depths depend on magnitudes whose scale is out of range.
     fn new(function: TransferFunction, facts: &Facts) -> Option<CodeDepths> {
         let magnitudes = if function.uses_gradient() && facts.channels.magnitude_bits > 0 {
             Some(MagnitudeCodec::new(facts.scales.magnitude_scale).ok()?)
         } else {
             None
         };
-        let mut depths = CodeDepths { function, scales: facts.scales, magnitudes, of_values: Vec::new() };
-        if depths.magnitudes.is_none() {
-            depths.of_values = (0..=last_code(facts.channels)).map(|value| depths.computed(value, f64::MAX)).collect();
-        }
+        let mut depths = CodeDepths { function, scales: facts.scales, magnitudes, table: Vec::new() };
+        let last = last_code(facts.channels);
+        depths.table = match (&depths.magnitudes, last) {
+            (None, _) => (0..=last).map(|value| depths.computed([value, 0])).collect(),
+            (Some(_), 0xff) => {
+                let pairs = (0..=last).flat_map(|value| (0..=0xff).map(move |magnitude| [value, magnitude]));
+                pairs.map(|codes| depths.computed(codes)).collect()
+            }
+            (Some(_), _) => Vec::new(),
+        };
         Some(depths)
     }
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 2^20")]
-    fn computed(&self, value: u16, magnitude: f64) -> u32 {
+    fn computed(&self, [value, magnitude]: [u16; 2]) -> u32 {
+        let decode = |codec: &MagnitudeCodec| codec.decode(u8::try_from(magnitude).unwrap_or(u8::MAX));
+        let magnitude = self.magnitudes.as_ref().map_or(f64::MAX, decode);
         let opacity = stored_opacity(&self.function, &self.scales, value, magnitude).clamp(0.0, 1.0);
         (65_536.0 * (-(-opacity).ln_1p()).min(MAX_DEPTH)).round() as u32
     }
 
-    /// Returns the depth of a code per reference length, in parts of 65,536.
+    /// Returns the depth of the codes of a value and a magnitude.
     #[inline]
     fn of(&self, [value, magnitude]: [u16; 2]) -> u32 {
-        match &self.magnitudes {
-            None => self.of_values.get(usize::from(value)).copied().unwrap_or(0),
-            Some(codec) => self.computed(value, codec.decode(u8::try_from(magnitude).unwrap_or(u8::MAX))),
-        }
+        let index = match self.magnitudes {
+            None => usize::from(value),
+            Some(_) => 256 * usize::from(value) + usize::from(magnitude),
+        };
+        self.table.get(index).copied().unwrap_or_else(|| self.computed([value, magnitude]))
     }
 }
 
@@ -187,6 +198,11 @@ impl LevelLook {
         let Some(transfer_function) = TransferFunction::of_description(description) else {
             return LevelLook { is_labels, ..LevelLook::default() };
         };
+        // Another writer may have left out the length that is the grid's by default.
+        let transfer_function = match transfer_function.clone().with_voxel_length(facts.grid.mean_spacing()) {
+            Ok(function) => function,
+            Err(_) => transfer_function,
+        };
         let clear = (0..=last_code(facts.channels)).map(|code| {
             let opacity = stored_opacity(&transfer_function, &facts.scales, code, f64::MAX).clamp(0.0, 1.0);
             // Twice, as kernels are about two voxels wide.
@@ -194,6 +210,12 @@ impl LevelLook {
         });
         let clear = clear.collect();
         LevelLook { is_labels, clear, depths: CodeDepths::new(transfer_function, facts).filter(|_| !is_labels) }
+    }
+
+    /// Returns the optical depth of a voxel; 0 if it does not matter.
+    #[inline]
+    fn depth(&self, record: &Record) -> u32 {
+        self.depths.as_ref().map_or(0, |depths| depths.of([record.value, record.magnitude.into()]))
     }
 
     /// Returns how much of a neighbour is seen through a voxel.
@@ -375,7 +397,7 @@ impl CoarserRows<'_> {
                     let high = usize::from(voxel.x & u16::from(self.factors[0] == 2));
                     let [up, back] = [place & 1, place >> 1].map(|end| u32::from(end == 1));
                     let seen = clearness.seen([voxel.x.into(), low[1] + up, low[2] + back]);
-                    block.add(high + 2 * place, &voxel.record, channels, seen);
+                    block.add(high + 2 * place, &voxel.record, channels, seen, self.look.depth(&voxel.record));
                     *row = rest;
                 }
             }
@@ -388,13 +410,12 @@ impl CoarserRows<'_> {
 #[derive(Default)]
 struct Block {
     factors: [u32; 3],
-    /// For each voxel: how much it counts in means, in proportion to the share that is visible and to what is seen of its
-    /// faces; and its record.
-    voxels: [(u64, Record); 8],
+    voxels: [BlockVoxel; 8],
     count: usize,
-    /// The sums of shares and of what voxels count in means.
+    /// The sums of shares, of shares times depths, and of what voxels count in means.
     weight: u64,
-    seen: u64,
+    depth: u64,
+    counts: u64,
     value: u64,
     magnitude: u64,
     /// A bit for each voxel: 1 << (x + 2 y + 4 z) for its place in the block, 0 or 1 along each axis.
@@ -405,10 +426,19 @@ struct Block {
     moments: [i64; 3],
 }
 
+/// A voxel of a block.
+#[derive(Default, Clone, Copy)]
+struct BlockVoxel {
+    /// How much it counts in means, in proportion to the share that is visible, to what is seen of its faces, and to its depth.
+    counts: u64,
+    depth: u32,
+    record: Record,
+}
+
 impl Block {
     /// Adds a voxel at `place`: x + 2 y + 4 z, each 0 or 1. `seen` is how much of its faces is seen.
     #[inline]
-    fn add(&mut self, place: usize, record: &Record, channels: Channels, seen: u64) {
+    fn add(&mut self, place: usize, record: &Record, channels: Channels, seen: u64, depth: u32) {
         let code = u64::from(record.coverage);
         let weight = weight(record, channels);
         let offsets = match channels.coverage_bits {
@@ -423,23 +453,21 @@ impl Block {
             *ends += if is_high { weight.cast_signed() } else { -weight.cast_signed() };
             *moment += offset;
         }
-        let seen = weight * seen;
-        self.voxels[self.count] = (seen, *record);
+        let counts = weight * seen * u64::from(1 + depth / 1024);
+        self.voxels[self.count] = BlockVoxel { counts, depth, record: *record };
         self.count += 1;
         self.weight += weight;
-        self.seen += seen;
-        self.value += seen * u64::from(record.value);
-        self.magnitude += seen * u64::from(record.magnitude);
+        self.depth += weight * u64::from(depth);
+        self.counts += counts;
+        self.value += counts * u64::from(record.value);
+        self.magnitude += counts * u64::from(record.magnitude);
     }
 
     #[inline]
     fn record(&self, channels: Channels, look: &LevelLook) -> Record {
         let means = [self.value, self.magnitude]
-            .map(|sum| u16::try_from((2 * sum + self.seen) / (2 * self.seen)).unwrap_or(u16::MAX));
-        let [value, magnitude] = match &look.depths {
-            Some(depths) => self.as_opaque(means, channels, depths),
-            None => means,
-        };
+            .map(|sum| u16::try_from((2 * sum + self.counts) / (2 * self.counts)).unwrap_or(u16::MAX));
+        let [value, magnitude] = look.depths.as_ref().map_or(means, |depths| self.as_opaque(means, depths));
         Record {
             value: if look.is_labels { self.label() } else { value },
             normal: self.normal(channels.normal_bits),
@@ -479,45 +507,43 @@ impl Block {
         code
     }
 
-    /// Returns the value and magnitude codes on the way from `means` to those of a voxel whose depth is nearest to the mean depth
-    /// of the block.
+    /// Returns the codes of value and magnitude on the way from `means` to those of a voxel at which the depth is nearest to the mean
+    /// depth of the block.
     ///
     /// The depth of means is not the mean of depths: where opacity varies with value, a level lost up to a fifth of the light.
-    fn as_opaque(&self, means: [u16; 2], channels: Channels, depths: &CodeDepths) -> [u16; 2] {
+    fn as_opaque(&self, means: [u16; 2], depths: &CodeDepths) -> [u16; 2] {
         /// Number of steps on the way; a power of two.
         const STEPS: u32 = 256;
-        let codes = |record: &Record| [record.value, record.magnitude.into()];
-        let depth_sum =
-            self.stored().iter().map(|(_, record)| weight(record, channels) * u64::from(depths.of(codes(record))));
-        let wanted = u32::try_from(depth_sum.sum::<u64>() / self.weight).unwrap_or(u32::MAX);
-        let is_less = depths.of(means) < wanted;
-        let is_beyond = |depth: u32| (depth < wanted) != is_less;
-        let beyond = self.stored().iter().map(|(_, record)| codes(record)).filter(|&codes| is_beyond(depths.of(codes)));
-        let Some(end) = beyond.min_by_key(|&codes| depths.of(codes).abs_diff(wanted)) else { return means };
-        let at = |step: u32| {
-            let between =
-                |k: usize| ((STEPS - step) * u32::from(means[k]) + step * u32::from(end[k]) + STEPS / 2) / STEPS;
-            [0, 1].map(|k| u16::try_from(between(k)).unwrap_or(u16::MAX))
+        let wanted = u32::try_from(self.depth / self.weight).unwrap_or(u32::MAX);
+        let mean_depth = depths.of(means);
+        let is_other_side = |depth: u32| (depth < wanted) != (mean_depth < wanted);
+        let other_side = self.stored().iter().filter(|voxel| is_other_side(voxel.depth));
+        let nearest = other_side.min_by_key(|voxel| voxel.depth.abs_diff(wanted));
+        let Some(BlockVoxel { record, .. }) = nearest.filter(|_| mean_depth != wanted) else { return means };
+        let end = [record.value, record.magnitude.into()];
+        let codes_at = |step: u32| {
+            let code = |k: usize| ((STEPS - step) * u32::from(means[k]) + step * u32::from(end[k]) + STEPS / 2) / STEPS;
+            [0, 1].map(|k| u16::try_from(code(k)).unwrap_or(u16::MAX))
         };
-        let (mut near, mut far) = (0, STEPS);
-        while far - near > 1 {
-            let middle = u32::midpoint(near, far);
-            *(if is_beyond(depths.of(at(middle))) { &mut far } else { &mut near }) = middle;
+        let (mut low, mut high) = (0, STEPS);
+        while high - low > 1 {
+            let middle = u32::midpoint(low, high);
+            *(if is_other_side(depths.of(codes_at(middle))) { &mut high } else { &mut low }) = middle;
         }
-        let off = |step: u32| depths.of(at(step)).abs_diff(wanted);
-        at(if off(near) <= off(far) { near } else { far })
+        let error = |step: u32| depths.of(codes_at(step)).abs_diff(wanted);
+        codes_at(if error(low) <= error(high) { low } else { high })
     }
 
-    fn stored(&self) -> &[(u64, Record)] {
+    fn stored(&self) -> &[BlockVoxel] {
         &self.voxels[..self.count]
     }
 
     /// Returns the value code with the largest weight in all; of equals the lowest.
     fn label(&self) -> u16 {
         let weight_of = |code: u16| -> u64 {
-            self.stored().iter().filter(|(_, record)| record.value == code).map(|(weight, _)| weight).sum()
+            self.stored().iter().filter(|voxel| voxel.record.value == code).map(|voxel| voxel.counts).sum()
         };
-        let codes = self.stored().iter().map(|(_, record)| record.value);
+        let codes = self.stored().iter().map(|voxel| voxel.record.value);
         codes.max_by_key(|&code| (weight_of(code), std::cmp::Reverse(code))).unwrap_or(0)
     }
 
@@ -531,17 +557,16 @@ impl Block {
             8 => normal::decode8(low_half(code)),
             _ => normal::decode16(code),
         };
-        let most = self.stored().iter().map(|(seen, _)| *seen).max();
-        let first = self.stored().iter().find(|(seen, _)| Some(*seen) == most).filter(|_| bits > 0);
-        let Some((_, first)) = first else { return 0 };
+        let most = self.stored().iter().map(|voxel| voxel.counts).max();
+        let first = self.stored().iter().find(|voxel| Some(voxel.counts) == most).filter(|_| bits > 0);
+        let Some(BlockVoxel { record: first, .. }) = first else { return 0 };
         let side = decode(first.normal).map(f64::from);
         let mut sum = [0.0f64; 3];
-        for (seen, record) in self.stored() {
+        for BlockVoxel { counts, record, .. } in self.stored() {
             let direction = decode(record.normal).map(f64::from);
             let along: f64 = side.iter().zip(direction).map(|(side, direction)| side * direction).sum();
-            // Whole numbers of at most 25 bits times single precision: the products are exact.
-            #[expect(clippy::cast_precision_loss, reason = "at most 24,693,499")]
-            let factor = *seen as f64 * if along < 0.0 { -1.0 } else { 1.0 };
+            #[expect(clippy::cast_precision_loss, reason = "at most 35 bits")]
+            let factor = *counts as f64 * if along < 0.0 { -1.0 } else { 1.0 };
             sum = [0, 1, 2].map(|axis| sum[axis] + factor * direction[axis]);
         }
         if sum == [0.0; 3] {

@@ -25,22 +25,31 @@ pub fn stored_opacity(transfer: &TransferFunction, scales: &Scales, value: u16, 
     transfer.opacity(value - nudge, magnitude).max(transfer.opacity(value + nudge, magnitude))
 }
 
-/// Returns whether two functions give stored voxels about the same opacity: none differs by more than 0.05.
-///
-/// Compares at most 1,024 values, at five magnitudes where opacity depends on these.
+/// Returns whether two functions give stored voxels the same opacities, within 0.05, once one factor is applied to all optical
+/// depths of one of them.
 pub(crate) fn are_alike(one: &TransferFunction, other: &TransferFunction, facts: &Facts) -> bool {
     const DIFFERENCE: f64 = 0.05;
-    let magnitudes = match (one.uses_gradient() || other.uses_gradient(), facts.channels.magnitude_bits) {
-        (true, 1..) => [0.0, 0.05, 0.2, 0.5, 1.0].map(|part| part * facts.scales.magnitude_scale).to_vec(),
-        _ => vec![f64::MAX],
+    const MAX_DEPTH: f64 = 16.0;
+    if one == other {
+        return true;
+    }
+    let codec = MagnitudeCodec::new(facts.scales.magnitude_scale);
+    let (magnitudes, values_apart) = match codec {
+        Ok(codec) if facts.channels.magnitude_bits > 0 && (one.uses_gradient() || other.uses_gradient()) => {
+            ((0..=u8::MAX).step_by(15).map(|code| codec.decode(code)).collect(), 16)
+        }
+        _ => (vec![f64::MAX], 1),
     };
-    let opacity = |function, code, magnitude| stored_opacity(function, &facts.scales, code, magnitude);
-    let step = if facts.channels.value_bits == 8 { 1 } else { 64 };
-    let is_alike = |code: u16| {
-        magnitudes.iter().all(|&at| (opacity(one, code, at) - opacity(other, code, at)).abs() <= DIFFERENCE)
+    let (last, step) = if facts.channels.value_bits == 8 { (0xff, 1) } else { (u16::MAX, values_apart) };
+    let depth = |function, value, magnitude| {
+        (-(-stored_opacity(function, &facts.scales, value, magnitude)).ln_1p()).min(MAX_DEPTH)
     };
-    let last = if facts.channels.value_bits == 8 { 0xff } else { u16::MAX };
-    one == other || one.reference_length() == other.reference_length() && (0..=last).step_by(step).all(is_alike)
+    let codes = (0..=last).step_by(step).flat_map(|value| magnitudes.iter().map(move |&magnitude| (value, magnitude)));
+    let depths: Vec<[f64; 2]> =
+        codes.map(|(value, magnitude)| [one, other].map(|function| depth(function, value, magnitude))).collect();
+    let [sum, other_sum] = [0, 1].map(|k: usize| depths.iter().map(|depths| depths[k]).sum::<f64>());
+    let factor = if sum > 0.0 { other_sum / sum } else { 1.0 };
+    depths.iter().all(|[one, other]| ((-factor * one).exp() - (-other).exp()).abs() <= DIFFERENCE)
 }
 
 /// A table that tells which stored codes are visible.

@@ -129,9 +129,8 @@ impl<'a> Table<'a> {
             let [red, green, blue] = scene.transfer.colour(scene.facts.scales.value(code.into()));
             match key {
                 LookKey::Value if mode.is_maximum() => {
-                    let is_visible = stored_opacity(scene.transfer, &scene.facts.scales, code, f64::MAX) > 0.0;
                     let normalised = (f32::from(code) / f32::from(brightest)).min(1.0);
-                    table.looks.push([if is_visible { normalised } else { 0.0 }; 4]);
+                    table.looks.push([if table.may_show(code) { normalised } else { 0.0 }; 4]);
                 }
                 // Without stored magnitudes, every gradient counts as the largest.
                 LookKey::Value => table.looks.push([red, green, blue, table.depth(code, f64::MAX)]),
@@ -167,6 +166,13 @@ impl<'a> Table<'a> {
         #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
         let exposure = if typical > 0.0 { (1.4 / typical) as f32 } else { 1.0 };
         exposure
+    }
+
+    /// Returns whether a value code has an opacity above 0 at any gradient magnitude.
+    fn may_show(&self, code: u16) -> bool {
+        let at = |magnitude| stored_opacity(self.scene.transfer, &self.scene.facts.scales, code, magnitude) > 0.0;
+        let at_some = |codec: &MagnitudeCodec| (0..=u8::MAX).step_by(5).any(|code| at(codec.decode(code)));
+        at(f64::MAX) || self.scene.transfer.uses_gradient() && self.magnitudes.as_ref().is_some_and(at_some)
     }
 
     fn magnitude(&self, code: u8) -> f64 {

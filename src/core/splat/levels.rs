@@ -121,9 +121,6 @@ pub fn level_kernel(kernel: KernelShape, level: usize) -> KernelShape {
 /// * Draft, level 1: sag has 33.8 dB at 1.03 pixels. Level 2: engine has 30 dB at 0.7. Level 3: engine has 30.3 dB at 0.5.
 /// * Thin matter at standard: level 1 of shells has 30 dB at 0.125 pixels.
 /// * Thin matter at draft: at 0.25 pixels level 2 of shells has 30.3 dB, of gyroid 30.6.
-///
-/// What is drawn with other opacities than its levels were made by counts as thin: their values fit the opacities of the build only.
-/// Engine, built from 60 up and drawn from 180 up, has 22 dB at level 1.
 fn most_pixels(quality: Quality, level: usize, is_thin: bool) -> f64 {
     match (quality, level, is_thin) {
         (_, 0, _) => f64::INFINITY,
@@ -148,6 +145,12 @@ fn is_thin(scene: &Scene) -> bool {
     let crowding = share(scene, 1) * f64::from(points);
     let most = if scene.transfer.is_labels() { THIN_LABELS } else { THIN };
     crowding > most.powf(f64::from(points).log2() / 3.0)
+}
+
+/// Returns whether the levels fit the function that the scene is drawn with: their voxels are as opaque as the blocks that they stand
+/// for if opacities are those of the build. A T1 head, built from 100 up and drawn from 180 up, had 22 dB at level 1.
+fn fit(scene: &Scene) -> bool {
+    scene.lanes.levels_function().is_none_or(|own| are_alike(own, scene.transfer, scene.facts))
 }
 
 /// Returns the facts of a level, which the scene has.
@@ -207,8 +210,7 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
         let grid = &facts_of(scene, level).grid;
         grid.spacing.into_iter().fold(0.0, f64::max) / view.mean_voxel
     };
-    let levels_function = scene.lanes.levels_function();
-    let is_thin = is_thin(scene) || levels_function.is_some_and(|own| !are_alike(own, scene.transfer, scene.facts));
+    let is_thin = is_thin(scene);
     // The distance from the eye, in mean voxels of level 0, from which on a level is drawn; 0 or infinity in parallel views.
     let distances: Vec<f64> = (0..=levels)
         .map(|level| {
@@ -224,6 +226,9 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
         })
         .collect();
     let coarsest = |distance: f64| (0..=levels).rev().find(|level| distances[*level] <= distance).unwrap_or(0);
+    if settings.quality == Quality::Standard && coarsest(f64::MAX) > 0 && !fit(scene) {
+        return Ok(whole);
+    }
     let Viewpoint::Perspective { eye, .. } = view.viewpoint else {
         let level = coarsest(0.0);
         return Ok(if level == 0 {

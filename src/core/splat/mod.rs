@@ -58,7 +58,7 @@ pub trait Lanes: Sync {
         &[]
     }
 
-    /// Returns the transfer function by whose opacities the levels were made; `None` if any function will do.
+    /// Returns the transfer function by whose opacities the levels were made; `None` if there is none or it is not known.
     fn levels_function(&self) -> Option<&TransferFunction> {
         None
     }

@@ -30,7 +30,7 @@ fn random_description(random: &mut Random) -> String {
         }
         5 => format!(r#"{{"kind":"range","low":11,"high":400,"opacity":{a}}}"#),
         6 => format!(
-            r##"{{"kind":"contour","voxel_length":1,"contours":[{{"value":12,"opacity":{a},"width":0}},{{"value":300,"opacity":{b}}}]}}"##
+            r##"{{"kind":"contour","contours":[{{"value":12,"opacity":{a},"width":0}},{{"value":300,"opacity":{b}}}]}}"##
         ),
         _ => format!(
             r##"{{"kind":"points","points":[{{"value":10,"colour":"#ff0000","opacity":{a}}},
@@ -125,7 +125,7 @@ fn levels_are_what_the_twin_gives_voxel_by_voxel() {
         let lanes = 1 + random.below(3) as u8;
         let (description, wanted) = (random_description(&mut random), random.below(16) as u8);
         let bytes = with_levels(&model, lanes, Levels::Count(wanted), &description, 1 + random.index(3));
-        let look = Look::new(&description, &model.facts.scales);
+        let look = Look::new(&description, &model.facts.scales, model.facts.grid.mean_spacing());
         let arena = Arena::new(&bytes).expect("opens");
         arena.check().unwrap_or_else(|fault| panic!("{fault}"));
         let (mut grid, mut channels, mut level) = (model.facts.grid.clone(), model.facts.channels, 0);

@@ -48,7 +48,11 @@ impl Scene {
     /// The scene of each level, level 1 first.
     pub(crate) fn of_levels(&self) -> Vec<Scene> {
         let mut scenes: Vec<Scene> = Vec::new();
-        let look = Look::new(self.description.as_deref().unwrap_or_default(), &self.facts().scales);
+        let look = Look::new(
+            self.description.as_deref().unwrap_or_default(),
+            &self.facts().scales,
+            self.facts().grid.mean_spacing(),
+        );
         for _ in 0..self.levels {
             let below = scenes.last().unwrap_or(self);
             let (grid, factors) = coarser_grid(&below.facts().grid).expect("the example's grid has so many levels");

@@ -43,7 +43,7 @@ pub enum Canvas {
         size: [u32; 2],
         /// What is kept: the plane, or one of half as many columns, rows, or both.
         kept: [u32; 2],
-        /// The most pixels that are halved or smoothed at once, into a second frame.
+        /// The most pixels that are halved again at once, into a second frame.
         copied: u64,
     },
     /// Samples finer than pixels, drawn in strips of at most this number of columns and of rows.

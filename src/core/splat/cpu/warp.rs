@@ -59,7 +59,11 @@ pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, level: Level,
     let plane_threads = threads.min(columns * rows / PART).max(1);
     // How many of the plane's pixels, from a place on, matter for it on each side.
     let around = is_wide.map(|is_wide| if is_wide { TAPS / 2 } else { 2 });
-    let reach = if is_wide == [false; 2] { 1 } else { TAPS / 2 };
+    let reach = match is_wide {
+        [false, false] => 1,
+        [true, true] => TAPS / 2,
+        _ => TAPS / 2 + MOST_ASIDE.ceil() as usize,
+    };
     let Some(covered) = Covered::of(&plane, reach, plane_threads) else {
         return Ok(picture);
     };
@@ -451,11 +455,11 @@ fn blur_along<S: Simd, const ALONG: usize>(
                 [0, 1].map(|side: usize| (whole[side] - BEFORE[usize::from(side == ALONG)]).to_int::<i32x16<S>>());
             let start = (start[1] * i32x16::splat(simd, from.columns as i32) + start[0]).to_array();
             let (spline, gaussian) = (spline_weights(past[1 - ALONG]), gaussian_weights(past[ALONG].to_array(), fall));
-            for (i, sum) in sums.iter_mut().enumerate().filter(|(i, _)| middle.near >> i & 1 == 1) {
+            for (i, sum) in sums.iter_mut().enumerate().take(pixels.len()).filter(|(i, _)| middle.near >> i & 1 == 1) {
                 let at = middle.pixel[i].wrapping_add(start[i]) as usize;
                 for (half, gaussian) in gaussian.as_chunks().0.iter().enumerate() {
                     let weights = if ALONG == 0 { [gaussian, &spline] } else { [&spline, gaussian] };
-                    *sum += weighted(simd, &rows, at + half * next, weights, i);
+                    *sum += weighted(simd, &rows, at.wrapping_add(half * next), weights, i);
                 }
             }
         }
@@ -467,11 +471,14 @@ fn blur_along<S: Simd, const ALONG: usize>(
     }
 }
 
+/// Most pixels of the plane that a point of [`blur_along`] is away from the middle along the axis on which the low-pass is narrow.
+pub(super) const MOST_ASIDE: f64 = 2.5;
+
 /// How many values before the one at or before a point a spline takes, and how many a Gaussian.
 const BEFORE: [f32; 2] = [1.0, (TAPS / 2 - 1) as f32];
-/// Least variances of a Gaussian in [`blur_along`]: of points along the narrow axis, so that none is divided by 0; along the wide
-/// one, in square pixels of the plane, so that the weights of pixels are smooth.
+/// The least variance in [`blur_along`] along the narrow axis, by whose root slants are divided; in square pixels of the plane.
 const LEAST_NARROW: f64 = 1e-6;
+/// The same along the wide axis: weights of a narrower Gaussian would jump from pixel to pixel.
 const LEAST_WIDE: f64 = 0.2;
 
 /// Returns the weights of [`TAPS`] values around places that are `past` the middle one of them, 0 to 1; `fall` is by how much the

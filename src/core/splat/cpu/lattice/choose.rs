@@ -5,6 +5,7 @@
 use glam::{DMat3, DVec3};
 
 use super::{Lattice, LowPass, Rays};
+use crate::splat::cpu::warp::MOST_ASIDE;
 use crate::splat::kernel::{KernelShape, LOW_PASS};
 use crate::splat::supersample::sigma_at_centre;
 use crate::splat::view::{MAX_SIZE, PixelMap, View};
@@ -29,7 +30,7 @@ const WIDE_SLANTED: f64 = 2.0;
 /// the plane; and the least of the filter that is left to do.
 const THIN: f64 = 0.6;
 const THINNEST: f64 = 0.45;
-/// Largest standard deviation toward the corners of the voxels' box, for [`Sampling::Enough`] and [`Sampling::Fewest`]: the warp takes
+/// Largest standard deviation where the picture shows the box of the voxels, for [`Sampling::Enough`] and [`Sampling::Fewest`]: the warp takes
 /// four pixels on each side. Drafts had 28 dB where it was above 100, and 33 dB at 8.
 const WIDEST: [f64; 2] = [3.0, 8.0];
 /// Least distance from the eye to the nearest slice, in voxels: nearer slices are seen under too many angles.
@@ -353,21 +354,28 @@ fn perspective(
         [1, 2].map(|side: usize| [0, 1].map(|k| along(side, k) / (at[0] * step[side - 1])))
     };
     let low_pass = LowPass::new(moves(0.5 * columns, 0.5 * rows), width)?;
-    // Where the picture shows the corners of the box.
-    let ends = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner: usize| {
+    // The part of the picture that shows the box; all of it if a corner is beside the eye or behind it.
+    let seen = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner: usize| {
         let at = |n: usize| to_end[n][corner >> n & 1];
-        let seen = at(0) + at(1) + at(2) + column(3);
-        [
-            (centre[0] + focal * seen.x / seen.z).clamp(0.0, columns),
-            (centre[1] - focal * seen.y / seen.z).clamp(0.0, rows),
-        ]
+        at(0) + at(1) + at(2) + column(3)
     });
-    let is_within = |[x, y]: [f64; 2]| {
-        let moves = moves(x, y).into_iter().zip(low_pass.halvings);
-        moves
-            .map(|([across, down], halvings)| across.hypot(down) / f64::from(1u32 << halvings))
-            .all(|moved| low_pass.deviation * moved <= widest)
+    let is_ahead = seen.iter().all(|seen| seen.z > 0.0);
+    let part = |end: f64, place: &dyn Fn(&DVec3) -> f64| {
+        let places = seen.iter().filter(|_| is_ahead).map(place).map(|place| place.clamp(0.0, end));
+        places.map(|place| [place; 2]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or([0.0, end])
     };
+    let across = part(columns, &|seen| centre[0] + focal * seen.x / seen.z);
+    let down = part(rows, &|seen| centre[1] - focal * seen.y / seen.z);
+    let is_mixed = low_pass.is_wide[0] != low_pass.is_wide[1];
+    let is_within = |[x, y]: [f64; 2]| {
+        let moves = moves(x, y);
+        [0, 1].into_iter().all(|side: usize| {
+            let moved = moves[side][0].hypot(moves[side][1]) / f64::from(1u32 << low_pass.halvings[side]);
+            let most = if is_mixed && !low_pass.is_wide[side] { MOST_ASIDE } else { widest };
+            low_pass.deviation * moved <= most
+        })
+    };
+    let ends = [[across[0], down[0]], [across[0], down[1]], [across[1], down[0]], [across[1], down[1]]];
     if !ends.into_iter().all(is_within) {
         return None;
     }
