@@ -48,6 +48,11 @@ fn the_view_and_the_quality_choose_the_level() {
     assert_eq!(levels("--size 12x12 --quality draft"), json!([2]));
     assert_eq!(levels("--size 12x12 --quality high"), json!([0]));
     assert_eq!(levels("--size 12x12 --mode maximum"), json!([0]));
+    // Levels fit the opacities of the build.
+    assert_eq!(levels("--size 12x12 --range 200.."), json!([0]));
+    folder.adj("split a.adj -o parts.adjs --slab 32").done();
+    let (_, parts) = drawn(&folder, "parts.adjs --bricks --size 12x12 --range 200..");
+    assert_eq!(parts["levels"], json!([0]));
     // Shells are thin: a level has one colour of the two sides of a wall.
     folder.adj("build phantom:shells --dims 96x96x96 --levels 2 -o thin.adj").done();
     for quality in ["standard", "draft"] {

@@ -20,7 +20,7 @@ pub enum Mode {
     #[default]
     Composite,
     /// The largest value along each ray, in the transfer function's colour of that value. Values are normalised, 0 to 1
-    /// from the lowest to the highest visible one; alpha is the normalised value. Values are interpolated linearly, and
+    /// from the lowest to the highest stored one; alpha is the normalised value. Values are interpolated linearly, and
     /// are 0 where no voxel is visible; a ray is sampled at each slice and half-way between slices.
     Maximum,
     /// Shows the same normalised values as `Maximum`, in grey.

@@ -157,7 +157,7 @@ impl Slab {
         self.count..self.count + BLOCK
     }
 
-    /// Adds the splats of a block's voxels, of which all but looks is in the arrays; returns where their looks are to be put.
+    /// Adds the splats of a block's voxels; returns where their looks are to be put. All else of them is in the arrays.
     #[inline(always)]
     pub(super) fn add(&mut self, voxels: &VoxelBlock) -> &mut [[f32; 4]] {
         let first = self.count;
