@@ -82,7 +82,7 @@ pub(super) struct Arguments {
     /// Draw a collection without the bricks that are missing or damaged, and name them
     #[arg(long)]
     partial: bool,
-    /// Show no progress bar
+    /// Show neither progress nor notes
     #[arg(long, short)]
     quiet: bool,
     #[command(flatten)]

@@ -37,7 +37,7 @@ pub(super) struct Arguments {
     /// Print the result as JSON
     #[arg(long)]
     json: bool,
-    /// Show no progress bar
+    /// Show neither progress nor notes
     #[arg(long, short)]
     quiet: bool,
     #[command(flatten)]

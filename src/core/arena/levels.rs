@@ -17,7 +17,7 @@ use super::coverage::MOST_SHARE;
 use super::layout::{Channels, Facts, Scales, TILE_EDGE};
 use super::pack::Record;
 use super::rows::{Region, Rows, Voxel};
-use super::visible::stored_opacity;
+use super::visible::{stored_depth, stored_opacity};
 use crate::classify::{MagnitudeCodec, TransferFunction, normal};
 use crate::error::Result;
 use crate::volume::Grid;
@@ -28,8 +28,6 @@ pub const MOST_LEVELS: u8 = 15;
 const AUTO_POINTS: u32 = 32;
 /// [`Levels::Auto`] makes no level of a level that has fewer voxels.
 const AUTO_VOXELS: u64 = 4_096;
-/// Largest optical depth of a code, as of a splat.
-const MAX_DEPTH: f64 = 16.0;
 /// Number of grid points of a slice that are read at once.
 const POINTS_AT_ONCE: u32 = 1 << 15;
 
@@ -171,8 +169,7 @@ impl CodeDepths {
     fn computed(&self, [value, magnitude]: [u16; 2]) -> u32 {
         let decode = |codec: &MagnitudeCodec| codec.decode(u8::try_from(magnitude).unwrap_or(u8::MAX));
         let magnitude = self.magnitudes.as_ref().map_or(f64::MAX, decode);
-        let opacity = stored_opacity(&self.function, &self.scales, value, magnitude).clamp(0.0, 1.0);
-        (65_536.0 * (-(-opacity).ln_1p()).min(MAX_DEPTH)).round() as u32
+        (65_536.0 * stored_depth(&self.function, &self.scales, value, magnitude)).round() as u32
     }
 
     /// Returns the depth of the codes of a value and a magnitude.
@@ -195,14 +192,10 @@ impl LevelLook {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
     pub fn new(description: &[u8], facts: &Facts) -> LevelLook {
         let is_labels = holds_labels(description);
-        let Some(transfer_function) = TransferFunction::of_description(description) else {
-            return LevelLook { is_labels, ..LevelLook::default() };
-        };
         // Another writer may have left out the length that is the grid's by default.
-        let transfer_function = match transfer_function.clone().with_voxel_length(facts.grid.mean_spacing()) {
-            Ok(function) => function,
-            Err(_) => transfer_function,
-        };
+        let transfer_function = TransferFunction::of_description(description)
+            .and_then(|function| function.with_voxel_length(facts.grid.mean_spacing()).ok());
+        let Some(transfer_function) = transfer_function else { return LevelLook { is_labels, ..LevelLook::default() } };
         let clear = (0..=last_code(facts.channels)).map(|code| {
             let opacity = stored_opacity(&transfer_function, &facts.scales, code, f64::MAX).clamp(0.0, 1.0);
             // Twice, as kernels are about two voxels wide.

@@ -25,11 +25,18 @@ pub fn stored_opacity(transfer: &TransferFunction, scales: &Scales, value: u16, 
     transfer.opacity(value - nudge, magnitude).max(transfer.opacity(value + nudge, magnitude))
 }
 
+/// Largest optical depth of a stored voxel per reference length.
+const MAX_DEPTH: f64 = 16.0;
+
+/// Returns the optical depth of a stored voxel per reference length, from 0 to 16; see [`stored_opacity`].
+pub(crate) fn stored_depth(transfer: &TransferFunction, scales: &Scales, value: u16, magnitude: f64) -> f64 {
+    (-(-stored_opacity(transfer, scales, value, magnitude).min(1.0)).ln_1p()).min(MAX_DEPTH)
+}
+
 /// Returns whether two functions give stored voxels the same opacities, within 0.05, once one factor is applied to all optical
 /// depths of one of them.
 pub(crate) fn are_alike(one: &TransferFunction, other: &TransferFunction, facts: &Facts) -> bool {
     const DIFFERENCE: f64 = 0.05;
-    const MAX_DEPTH: f64 = 16.0;
     if one == other {
         return true;
     }
@@ -41,12 +48,10 @@ pub(crate) fn are_alike(one: &TransferFunction, other: &TransferFunction, facts:
         _ => (vec![f64::MAX], 1),
     };
     let (last, step) = if facts.channels.value_bits == 8 { (0xff, 1) } else { (u16::MAX, values_apart) };
-    let depth = |function, value, magnitude| {
-        (-(-stored_opacity(function, &facts.scales, value, magnitude)).ln_1p()).min(MAX_DEPTH)
-    };
     let codes = (0..=last).step_by(step).flat_map(|value| magnitudes.iter().map(move |&magnitude| (value, magnitude)));
-    let depths: Vec<[f64; 2]> =
-        codes.map(|(value, magnitude)| [one, other].map(|function| depth(function, value, magnitude))).collect();
+    let depths: Vec<[f64; 2]> = codes
+        .map(|(value, at)| [one, other].map(|function| stored_depth(function, &facts.scales, value, at)))
+        .collect();
     let [sum, other_sum] = [0, 1].map(|k: usize| depths.iter().map(|depths| depths[k]).sum::<f64>());
     let factor = if sum > 0.0 { other_sum / sum } else { 1.0 };
     depths.iter().all(|[one, other]| ((-factor * one).exp() - (-other).exp()).abs() <= DIFFERENCE)

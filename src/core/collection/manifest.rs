@@ -134,7 +134,11 @@ impl Manifest {
         let name = path.display().to_string();
         let manifest: Manifest = serde_json::from_str(&text).map_err(|error| {
             // Quotation marks of another kind would read as names of flags.
-            Error::input(&name, error.to_string().replace('`', "\""))
+            let why = error.to_string().replace('`', "\"");
+            Error::input(
+                &name,
+                format!("{why}; it is damaged or from elsewhere: make the collection again, or copy it again"),
+            )
         })?;
         manifest.check(&name, limits)?;
         Ok(manifest)

@@ -226,12 +226,10 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
         })
         .collect();
     let coarsest = |distance: f64| (0..=levels).rev().find(|level| distances[*level] <= distance).unwrap_or(0);
-    if settings.quality == Quality::Standard && coarsest(f64::MAX) > 0 && !fit(scene) {
-        return Ok(whole);
-    }
+    let do_fit = || settings.quality != Quality::Standard || fit(scene);
     let Viewpoint::Perspective { eye, .. } = view.viewpoint else {
         let level = coarsest(0.0);
-        return Ok(if level == 0 {
+        return Ok(if level == 0 || !do_fit() {
             whole
         } else {
             LevelPart::within(scene, level, settings.crop).into_iter().collect()
@@ -239,7 +237,7 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
     };
     let slow = super::setup::walk_order(&view, &scene.facts.grid, settings)?.slow.index();
     let runs = runs(scene, slow, eye[slow], view.steps[slow], coarsest);
-    if let [(0, _)] = runs[..] {
+    if matches!(runs[..], [(0, _)]) || !do_fit() {
         return Ok(whole);
     }
     let all = VoxelBox { low: [0; 3], high: [u16::MAX; 3] };

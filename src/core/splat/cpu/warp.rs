@@ -430,15 +430,17 @@ fn blur_along<S: Simd, const ALONG: usize>(
     let rows = from.rows();
     // From the first four of the Gaussian's values to the others.
     let next = if ALONG == 0 { 4 } else { 4 * from.columns };
+    let is_perspective = map[2][0] != 0.0 || map[2][1] != 0.0;
+    // How far the points are from the middle, and how fast the Gaussian falls along the line through each.
+    let (mut away, mut fall) = ([[0.0; TOGETHER]; 2], [0.0; TOGETHER]);
+    let mut is_known = false;
     for first in columns.clone().step_by(TOGETHER) {
         let pixels = &mut row[first..columns.end.min(first + TOGETHER)];
         let middle = PlanePoints::of(simd, line.map(|[step, start]| [step, first as f64 * step + start]), from);
         if middle.near == 0 {
             continue;
         }
-        // How far the points are from the middle, and how fast the Gaussian falls along the line through each.
-        let (mut away, mut fall) = ([[0.0; TOGETHER]; 2], [0.0; TOGETHER]);
-        for i in 0..TOGETHER {
+        for i in (0..TOGETHER).filter(|_| !is_known) {
             let [xx, mixed, yy] = on_plane(map, [(first + i) as f64, y], covariance);
             let (wide, narrow) = if ALONG == 0 { (xx, yy) } else { (yy, xx) };
             let distance = narrow.max(LEAST_NARROW).sqrt();
@@ -446,6 +448,7 @@ fn blur_along<S: Simd, const ALONG: usize>(
             (away[ALONG][i], away[1 - ALONG][i]) = (slant as f32, distance as f32);
             fall[i] = (0.5 * LOG2_E / (wide - slant * slant).max(LEAST_WIDE)) as f32;
         }
+        is_known = !is_perspective;
         let mut sums = [f32x4::splat(simd, 0.0); TOGETHER];
         for sign in [-1.0, 1.0] {
             let at = [0, 1].map(|side: usize| middle.fraction[side] + f32x16::from_slice(simd, &away[side]) * sign);

@@ -30,8 +30,8 @@ const WIDE_SLANTED: f64 = 2.0;
 /// the plane; and the least of the filter that is left to do.
 const THIN: f64 = 0.6;
 const THINNEST: f64 = 0.45;
-/// Largest standard deviation where the picture shows the box of the voxels, for [`Sampling::Enough`] and [`Sampling::Fewest`]: the warp takes
-/// four pixels on each side. Drafts had 28 dB where it was above 100, and 33 dB at 8.
+/// Largest standard deviation where the picture shows the box of the voxels, for [`Sampling::Enough`] and [`Sampling::Fewest`]: the
+/// warp takes four pixels on each side. Drafts had 28 dB where it was above 100, and 33 dB at 8.
 const WIDEST: [f64; 2] = [3.0, 8.0];
 /// Least distance from the eye to the nearest slice, in voxels: nearer slices are seen under too many angles.
 const NEAREST: f64 = 8.0;
@@ -172,7 +172,7 @@ impl LowPass {
         let (finer, coarser) = if squares[0] > squares[1] { (0, 1) } else { (1, 0) };
         let mut is_wide = squares.map(|square| square >= NARROW * NARROW);
         if is_wide[finer] {
-            // What a line along the finer axis through the middle does not have of the variance along that axis.
+            // The variance along the finer axis less that on a line along this axis.
             let slant = mixed * mixed / squares[coarser].max(f64::MIN_POSITIVE);
             let thinnest = if is_wide[coarser] {
                 squares[coarser] - mixed * mixed / squares[finer]
