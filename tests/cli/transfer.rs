@@ -389,6 +389,19 @@ fn a_function_that_shows_what_was_not_stored_is_told_of() {
     assert_eq!(render("--labels distinct"), "");
 }
 
+/// Opacity at region boundaries is relative to the largest gradient of the volume: a drawn function took 1 in its place.
+#[test]
+fn a_file_drawn_with_the_function_that_it_was_built_with_is_the_same_picture() {
+    let folder = folder();
+    for function in ["--levoy 0:0,12:0.2,24:0.8", "--iso 12", "--range 10..20"] {
+        folder.adj(&format!("build {BUILD} {function}")).done();
+        folder.adj("render out.adj -o own.png --size 20x20").done();
+        folder.adj(&format!("render out.adj -o given.png --size 20x20 {function}")).done();
+        let [own, given] = ["own.png", "given.png"].map(|name| std::fs::read(folder.file(name)).expect("it is drawn"));
+        assert!(own == given, "{function}");
+    }
+}
+
 #[test]
 fn functions_of_more_entries_than_there_are_codes_are_refused_before_they_take_memory() {
     let folder = folder();

@@ -25,7 +25,7 @@ pub fn stored_transfer(arena: &Arena) -> Option<TransferFunction> {
     transfer_function.with_voxel_length(arena.facts().grid.mean_spacing()).ok()
 }
 
-/// Returns `transfer` with the numbers filled in that follow from the file: voxel length and value range.
+/// Returns `transfer` with the numbers filled in that follow from the file: voxel length, value range, and largest magnitude.
 ///
 /// # Errors
 /// [`Error::Input`] if `transfer` needs gradient magnitudes but the file does not store them.
@@ -35,8 +35,9 @@ pub fn drawable(arena: &Arena, transfer: TransferFunction) -> Result<TransferFun
         let why = "needs gradient magnitudes, which this file does not store; build it again with this function";
         return Err(Error::input("transfer function", why));
     }
-    let Scales { value_low, value_step, .. } = facts.scales;
+    let Scales { value_low, value_step, magnitude_scale } = facts.scales;
     let largest = arena.lanes().next().map_or(0, |lane| lane.largest_value_code());
+    let transfer = if magnitude_scale > 0.0 { transfer.with_largest_magnitude(magnitude_scale)? } else { transfer };
     transfer
         .with_voxel_length(facts.grid.mean_spacing())?
         .with_value_range(value_low, value_low + f64::from(largest) * value_step)
