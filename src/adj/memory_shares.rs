@@ -157,7 +157,7 @@ pub(super) struct BoundedLanes<'a> {
     lanes: Vec<LaneSet<'a>>,
     level_facts: Vec<Facts>,
     /// The function that the file was built with.
-    levels_function: Option<TransferFunction>,
+    build_function: Option<TransferFunction>,
     /// The limit of `--memory` in bytes, if the flag is given.
     memory: Option<u64>,
 }
@@ -168,9 +168,9 @@ impl<'a> BoundedLanes<'a> {
     pub(super) fn new(arena: Arena<'a>, memory: Option<u64>, derived: Option<u64>) -> BoundedLanes<'a> {
         let arenas: Vec<Arena> = drawn(&arena, None).into_iter().map(|(_, arena)| arena).collect();
         let level_facts = arenas[1..].iter().map(|level| level.facts().clone()).collect();
-        let levels_function = stored_transfer(&arena);
+        let build_function = stored_transfer(&arena);
         let lanes = arenas.into_iter().map(|arena| LaneSet::new(arena, derived)).collect();
-        BoundedLanes { lanes, level_facts, levels_function, memory }
+        BoundedLanes { lanes, level_facts, build_function, memory }
     }
 
     /// Returns the file's arena.
@@ -188,8 +188,8 @@ impl Lanes for BoundedLanes<'_> {
         &self.level_facts
     }
 
-    fn levels_function(&self) -> Option<&TransferFunction> {
-        self.levels_function.as_ref()
+    fn build_function(&self) -> Option<&TransferFunction> {
+        self.build_function.as_ref()
     }
 
     fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {

@@ -2,7 +2,6 @@
 
 pub use crate::model::{drawable, missing_values, stored_transfer};
 pub use crate::parallel::in_order;
-pub use crate::splat::composite::MAX_DEPTH;
 pub use crate::splat::kernel::{LOW_PASS, REACH, narrowest_sigma};
 pub use crate::splat::levels::{LevelPart, drawn_levels, level_kernel, level_order, level_parts};
 pub use crate::splat::setup::FrameSetup;
@@ -24,7 +23,7 @@ pub mod scatter {
 
 // Parts of the arena, of a build and of the volume's sources.
 pub use crate::arena::{
-    lane::STEPPING, pack::LanePacker, pager::IN_FLIGHT, record_set::RecordSet, transpose::transpose,
+    lane::STEPPING, pack::LanePacker, pager::IN_FLIGHT, record_set::RecordSet, transpose::transpose, visible::MAX_DEPTH,
 };
 pub use crate::build::{budget::Budget, description};
 pub use crate::volume::source::obtainable;

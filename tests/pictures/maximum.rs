@@ -69,6 +69,25 @@ fn a_maximum_shows_values_that_a_falling_ramp_of_gradients_shows() {
     assert!(frame.pixel(2, 2)[3] > 0.99, "{:?}", frame.pixel(2, 2));
 }
 
+/// They were shown if any gradient shows their value.
+#[test]
+fn a_maximum_leaves_out_voxels_that_their_gradient_hides() {
+    let rising = r##"{"kind": "points", "points": [{"value": 0, "colour": "#ffffff", "opacity": 0.5}],
+        "gradient": [{"magnitude": 0.2, "factor": 0}, {"magnitude": 0.5, "factor": 1}]}"##;
+    for value_bits in [8, 16] {
+        let channels = Channels { value_bits, magnitude_bits: 8, ..PLAIN };
+        let model = packed(Grid::new([5; 3], [1.0; 3]).unwrap(), channels, transfer(rising), |at| {
+            let magnitude = if at == [1, 2, 2] { 0 } else { 255 };
+            [[1, 2, 2], [3, 2, 2]].contains(&at).then(|| Record { value: 200, magnitude, ..Record::default() })
+        });
+        let camera = along([0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [2.0; 3], 5.0);
+        for code in [Code::Best, Code::Plain] {
+            let frame = model.frame(&camera, &grey([5, 5]).with_code(code));
+            assert_eq!([1, 3].map(|column| frame.pixel(column, 2)[3]), [0.0, 1.0], "{value_bits} {code:?}");
+        }
+    }
+}
+
 #[test]
 fn views_along_axes_show_the_largest_voxel_of_each_line() {
     let dims = [19u16, 23, 17];

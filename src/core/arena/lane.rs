@@ -13,6 +13,7 @@ use super::layout::{Channels, TILE_EDGE, TileRecord, line_end_bytes};
 use super::owned_lane::OwnedLane;
 use super::pack::Record;
 use super::pager::{Pager, tell};
+use super::record_set::RecordSet;
 use super::visible::VisibleCodes;
 use crate::error::{Error, Result};
 use crate::volume::Axis;
@@ -113,6 +114,8 @@ pub struct Lane<'a> {
     pub patch: Option<&'a OwnedLane>,
     /// The codes whose voxels are shown; `None` shows all voxels.
     pub shown: Option<&'a VisibleCodes>,
+    /// Records that are not shown, whatever their codes.
+    pub omitted: Option<&'a RecordSet>,
     /// Is told which parts of the lane are about to be read; `None` if the resident pages of the file are not limited.
     pub pager: Option<&'a dyn Pager>,
 }
@@ -236,7 +239,9 @@ impl<'a> Lane<'a> {
     /// Returns whether the voxel of `record` is shown.
     #[inline(always)]
     pub fn shows(&self, record: usize) -> bool {
-        self.shown.is_none_or(|shown| shown.has(self.value_code(record), self.magnitude_code(record)))
+        let of_code = self.shown.is_none_or(|shown| shown.has(self.value_code(record), self.magnitude_code(record)));
+        // No branch depends on the code: it would be mispredicted.
+        of_code & self.omitted.is_none_or(|omitted| !omitted.contains(record))
     }
 
     /// Returns the largest value code of the voxels that are shown; 0 if there are none. O(records).

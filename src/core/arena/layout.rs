@@ -320,6 +320,11 @@ impl Channels {
         [1, value_bits as usize / 8, normal_bits as usize / 4, magnitude_bits as usize / 8, coverage_bits as usize / 8]
     }
 
+    /// Returns the largest value code.
+    pub const fn last_value_code(self) -> u16 {
+        if self.value_bits == 8 { 0xff } else { u16::MAX }
+    }
+
     /// Returns how many bytes one record takes in all channels together, including its step.
     pub const fn record_bytes(self) -> u64 {
         let [step, value, normal, magnitude, coverage] = self.widths();

@@ -153,7 +153,7 @@ impl CodeDepths {
             None
         };
         let mut depths = CodeDepths { function, scales: facts.scales, magnitudes, table: Vec::new() };
-        let last = last_code(facts.channels);
+        let last = facts.channels.last_value_code();
         depths.table = match (&depths.magnitudes, last) {
             (None, _) => (0..=last).map(|value| depths.computed([value, 0])).collect(),
             (Some(_), 0xff) => {
@@ -183,10 +183,6 @@ impl CodeDepths {
     }
 }
 
-fn last_code(channels: Channels) -> u16 {
-    if channels.value_bits == 8 { 0xff } else { u16::MAX }
-}
-
 impl LevelLook {
     /// Returns the look of a file with this description and these facts.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
@@ -196,7 +192,7 @@ impl LevelLook {
         let transfer_function = TransferFunction::of_description(description)
             .and_then(|function| function.with_voxel_length(facts.grid.mean_spacing()).ok());
         let Some(transfer_function) = transfer_function else { return LevelLook { is_labels, ..LevelLook::default() } };
-        let clear = (0..=last_code(facts.channels)).map(|code| {
+        let clear = (0..=facts.channels.last_value_code()).map(|code| {
             let opacity = stored_opacity(&transfer_function, &facts.scales, code, f64::MAX).clamp(0.0, 1.0);
             // Twice, as kernels are about two voxels wide.
             (255.0 * (1.0 - opacity) * (1.0 - opacity)).round() as u8

@@ -317,7 +317,7 @@ impl<'a> Arena<'a> {
             places.map(|place| place.map_or(&[][..], |index| self.section_bytes(&self.sections[index])));
         let tiles = <[TileRecord]>::ref_from_bytes(tiles).expect("R11 holds: a multiple of a tile's 28 bytes");
         let line_ends = LineEnds::new(line_ends, dims[axis.index()]);
-        let (elsewhere, patch, shown, pager) = (None, None, None, None);
+        let (elsewhere, patch, shown, omitted, pager) = (None, None, None, None, None);
         Lane {
             axis,
             dims,
@@ -332,6 +332,7 @@ impl<'a> Arena<'a> {
             elsewhere,
             patch,
             shown,
+            omitted,
             pager,
         }
     }

@@ -66,6 +66,7 @@ impl OwnedLane {
             elsewhere: None,
             patch: None,
             shown: None,
+            omitted: None,
             pager: None,
         }
     }

@@ -25,12 +25,12 @@ pub fn stored_opacity(transfer: &TransferFunction, scales: &Scales, value: u16, 
     transfer.opacity(value - nudge, magnitude).max(transfer.opacity(value + nudge, magnitude))
 }
 
-/// Largest optical depth of a stored voxel per reference length.
-const MAX_DEPTH: f64 = 16.0;
+/// Largest optical depth, both per reference length and of a splat at a pixel: `e^-16` is below 2^-23.
+pub const MAX_DEPTH: f64 = 16.0;
 
 /// Returns the optical depth of a stored voxel per reference length, from 0 to 16; see [`stored_opacity`].
 pub(crate) fn stored_depth(transfer: &TransferFunction, scales: &Scales, value: u16, magnitude: f64) -> f64 {
-    (-(-stored_opacity(transfer, scales, value, magnitude).min(1.0)).ln_1p()).min(MAX_DEPTH)
+    (-(-stored_opacity(transfer, scales, value, magnitude).clamp(0.0, 1.0)).ln_1p()).min(MAX_DEPTH)
 }
 
 /// Returns whether two functions give stored voxels the same opacities, within 0.05, once one factor is applied to all optical
@@ -47,8 +47,10 @@ pub(crate) fn are_alike(one: &TransferFunction, other: &TransferFunction, facts:
         }
         _ => (vec![f64::MAX], 1),
     };
-    let (last, step) = if facts.channels.value_bits == 8 { (0xff, 1) } else { (u16::MAX, values_apart) };
-    let codes = (0..=last).step_by(step).flat_map(|value| magnitudes.iter().map(move |&magnitude| (value, magnitude)));
+    let step = if facts.channels.value_bits == 8 { 1 } else { values_apart };
+    let codes = (0..=facts.channels.last_value_code())
+        .step_by(step)
+        .flat_map(|value| magnitudes.iter().map(move |&magnitude| (value, magnitude)));
     let depths: Vec<[f64; 2]> = codes
         .map(|(value, at)| [one, other].map(|function| stored_depth(function, &facts.scales, value, at)))
         .collect();
@@ -91,19 +93,25 @@ impl VisibleCodes {
         } else {
             vec![0.0]
         };
-        let last = if channels.value_bits == 8 { 255 } else { u16::MAX };
-        let bits = vec![0; ((usize::from(last) + 1) * magnitudes.len()).div_ceil(64)];
+        Ok(VisibleCodes::of(channels, by_magnitude, |value, magnitude| {
+            let opacity = stored_opacity(transfer, scales, value, magnitudes[usize::from(magnitude)]);
+            opacity > 0.0 && opacity >= threshold
+        }))
+    }
+
+    /// Collects the codes of values and magnitudes, or of values (with magnitude 0), that are `visible`.
+    pub(crate) fn of(channels: Channels, by_magnitude: bool, visible: impl Fn(u16, u8) -> bool) -> VisibleCodes {
+        let last_magnitude = if by_magnitude { u8::MAX } else { 0 };
+        let (last, pairs) = (channels.last_value_code(), usize::from(last_magnitude) + 1);
+        let bits = vec![0; ((usize::from(last) + 1) * pairs).div_ceil(64)];
         let mut codes = VisibleCodes { bits, by_magnitude };
         for value in 0..=last {
-            for (magnitude_code, &magnitude) in (0u8..=255).zip(&magnitudes) {
-                let opacity = stored_opacity(transfer, scales, value, magnitude);
-                if opacity > 0.0 && opacity >= threshold {
-                    let place = codes.place(value, magnitude_code);
-                    codes.bits[place / 64] |= 1 << (place % 64);
-                }
+            for magnitude in (0..=last_magnitude).filter(|magnitude| visible(value, *magnitude)) {
+                let place = codes.place(value, magnitude);
+                codes.bits[place / 64] |= 1 << (place % 64);
             }
         }
-        Ok(codes)
+        codes
     }
 
     /// Returns whether a voxel with these codes is visible.
@@ -113,8 +121,12 @@ impl VisibleCodes {
         self.bits.get(place / 64).is_some_and(|word| word >> (place % 64) & 1 == 1)
     }
 
+    /// Returns a bit for each of the first 256 value codes; `None` if visibility depends on gradient magnitudes.
+    pub(crate) fn of_bytes(&self) -> Option<&[u64; 4]> {
+        if self.by_magnitude { None } else { self.bits.first_chunk() }
+    }
+
     /// Returns whether visibility depends on gradient magnitudes.
-    #[cfg(feature = "gpu")]
     pub(crate) fn by_magnitude(&self) -> bool {
         self.by_magnitude
     }

@@ -31,7 +31,7 @@ pub struct Collection {
     /// The facts of the levels of the whole, level 1 first.
     levels: Vec<Facts>,
     /// The function that the whole was built with.
-    levels_function: Option<TransferFunction>,
+    build_function: Option<TransferFunction>,
 }
 
 /// A brick of an open collection.
@@ -91,17 +91,31 @@ impl Collection {
             let content = Content { facts, levels: 0, fingerprint: Some(&entry.fingerprint) };
             opened(&path.join(&entry.file), &content, limits)
         });
-        let mut levels: Vec<Facts> = manifest.levels().into_iter().map(|level| level.facts).collect();
-        let levels_function = TransferFunction::of_description(manifest.description().as_bytes())
+        let levels = manifest.levels().into_iter().map(|level| level.facts).collect();
+        let build_function = TransferFunction::of_description(manifest.description().as_bytes())
             .and_then(|function| function.with_voxel_length(manifest.grid.mean_spacing()).ok());
-        let mut collection =
-            Collection { path, manifest, bricks, preview, faults, levels: Vec::new(), levels_function };
-        for (number, facts) in levels.iter_mut().enumerate() {
-            let of_bricks = collection.once().iter().filter_map(|brick| brick.levels.get(number));
-            facts.visible_voxels = of_bricks.map(|(facts, _)| facts.visible_voxels).sum();
-        }
-        collection.levels = levels;
+        let mut collection = Collection { path, manifest, bricks, preview, faults, levels, build_function };
+        collection.count_levels();
         Ok(collection)
+    }
+
+    /// Checks every byte of every brick. Bricks that are not sound are left out from now on, and named in [`Collection::faults`].
+    pub fn leave_out_damaged(&mut self) {
+        for brick in &mut self.bricks {
+            if let Err(fault) = brick.check() {
+                self.faults.push(fault);
+                (brick.file, brick.levels) = (None, Vec::new());
+            }
+        }
+        self.count_levels();
+    }
+
+    /// Counts the visible voxels of the whole's levels.
+    fn count_levels(&mut self) {
+        for number in 0..self.levels.len() {
+            let of_bricks = self.once().iter().filter_map(|brick| brick.levels.get(number));
+            self.levels[number].visible_voxels = of_bricks.map(|(facts, _)| facts.visible_voxels).sum();
+        }
     }
 
     /// Returns whether `path` is a collection: a folder with a manifest, or one whose name says that there should be one.
@@ -144,8 +158,8 @@ impl Collection {
     }
 
     /// Returns the transfer function that the whole was built with; `None` if it stores none that can be read.
-    pub(super) fn levels_function(&self) -> Option<&TransferFunction> {
-        self.levels_function.as_ref()
+    pub(super) fn build_function(&self) -> Option<&TransferFunction> {
+        self.build_function.as_ref()
     }
 
     /// Returns the number of visible voxels in bricks without faults.
@@ -273,7 +287,7 @@ impl Collection {
     /// the mapped bricks are not counted, because the system can take them back.
     ///
     /// Without faults it has the bytes of the file that one build of the whole volume makes. Bricks with faults are left
-    /// out: ask [`Collection::require_all`] first.
+    /// out: ask [`Collection::require_all`] first. Bytes of bricks are not checked: see [`Collection::leave_out_damaged`].
     ///
     /// # Errors
     /// The errors of [`write_rows`](crate::file::write_rows).

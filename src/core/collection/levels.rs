@@ -127,7 +127,7 @@ impl Lanes for WholeLevels<'_> {
         self.facts
     }
 
-    fn levels_function(&self) -> Option<&TransferFunction> {
+    fn build_function(&self) -> Option<&TransferFunction> {
         self.function
     }
 }

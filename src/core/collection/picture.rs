@@ -73,7 +73,7 @@ impl Collection {
         let brick = &self.bricks()[index];
         let Some(file) = &brick.file else { return Ok(None) };
         let Some(crop) = cropped(settings.crop, brick.entry.low, brick.entry.size) else { return Ok(None) };
-        let lanes = BrickLanes::new(brick, file.arena()?, self.levels_function());
+        let lanes = BrickLanes::new(brick, file.arena()?, self.build_function());
         let scene = Scene { facts: lanes.arena.facts(), lanes: &lanes, transfer };
         let level = self.level(transfer, camera, settings)?;
         let settings = Settings { crop, level, ..settings.clone() };
@@ -83,7 +83,7 @@ impl Collection {
     /// Returns the level of detail that all bricks are drawn from; `None` if each is drawn from the levels that suit its distance
     /// from the eye, as in perspective.
     fn level(&self, transfer: &TransferFunction, camera: &Camera, settings: &Settings) -> Result<Option<usize>> {
-        let whole = WholeLevels { facts: self.levels(), function: self.levels_function() };
+        let whole = WholeLevels { facts: self.levels(), function: self.build_function() };
         let scene = Scene { facts: &self.manifest().facts(), lanes: &whole, transfer };
         if let Some(level) = settings.level {
             if level > self.levels().len() {
@@ -106,7 +106,7 @@ impl Collection {
     pub fn levels_needed(&self, transfer: &TransferFunction, cameras: &[Camera], settings: &Settings) -> Result<usize> {
         let facts = Facts { visible_voxels: self.visible_voxels(), ..self.manifest().facts() };
         let parts = |camera: &Camera, count: usize| {
-            let lanes = WholeLevels { facts: &self.levels()[..count], function: self.levels_function() };
+            let lanes = WholeLevels { facts: &self.levels()[..count], function: self.build_function() };
             level_parts(&Scene { facts: &facts, lanes: &lanes, transfer }, camera, settings)
         };
         let mut needed = 0;
@@ -138,7 +138,7 @@ impl Collection {
             let brick = &self.bricks()[index];
             let crop = cropped(settings.crop, brick.entry.low, brick.entry.size);
             let (Some(file), Some(crop)) = (&brick.file, crop) else { continue };
-            let lanes = BrickLanes::new(brick, file.arena()?, self.levels_function());
+            let lanes = BrickLanes::new(brick, file.arena()?, self.build_function());
             let scene = Scene { facts: lanes.arena.facts(), lanes: &lanes, transfer };
             let parts = level_parts(&scene, camera, &Settings { crop, level, ..settings.clone() })?;
             drawn.extend(parts.into_iter().map(|part| part.level));
@@ -196,13 +196,13 @@ struct BrickLanes<'a> {
     brick: &'a Brick,
     arena: Arena<'a>,
     levels: Vec<Facts>,
-    levels_function: Option<&'a TransferFunction>,
+    build_function: Option<&'a TransferFunction>,
 }
 
 impl<'a> BrickLanes<'a> {
-    fn new(brick: &'a Brick, arena: Arena<'a>, levels_function: Option<&'a TransferFunction>) -> BrickLanes<'a> {
+    fn new(brick: &'a Brick, arena: Arena<'a>, build_function: Option<&'a TransferFunction>) -> BrickLanes<'a> {
         let levels = brick.levels.iter().map(|(facts, _)| facts.clone()).collect();
-        BrickLanes { brick, arena, levels, levels_function }
+        BrickLanes { brick, arena, levels, build_function }
     }
 }
 
@@ -215,8 +215,8 @@ impl Lanes for BrickLanes<'_> {
         &self.levels
     }
 
-    fn levels_function(&self) -> Option<&TransferFunction> {
-        self.levels_function
+    fn build_function(&self) -> Option<&TransferFunction> {
+        self.build_function
     }
 
     fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {

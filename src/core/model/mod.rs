@@ -49,7 +49,7 @@ struct Stored {
     level_facts: Vec<Facts>,
     level_lanes: Vec<DerivedLanes>,
     /// The function that the file was built with.
-    levels_function: TransferFunction,
+    build_function: TransferFunction,
 }
 
 #[derive(Debug)]
@@ -140,8 +140,8 @@ impl Model {
         let level_facts: Vec<Facts> =
             (1..=MOST_LEVELS).map_while(|level| bytes.level(level).map(|level| level.facts().clone())).collect();
         let level_lanes = level_facts.iter().map(|_| DerivedLanes::new(derived.memory())).collect();
-        let levels_function = transfer.clone();
-        let stored = Stored { bytes, facts, derived, level_facts, level_lanes, levels_function };
+        let build_function = transfer.clone();
+        let stored = Stored { bytes, facts, derived, level_facts, level_lanes, build_function };
         Ok(Model { stored: Arc::new(stored), transfer: Arc::new(transfer) })
     }
 
@@ -291,8 +291,8 @@ impl Lanes for Model {
         &self.stored.level_facts
     }
 
-    fn levels_function(&self) -> Option<&TransferFunction> {
-        Some(&self.stored.levels_function)
+    fn build_function(&self) -> Option<&TransferFunction> {
+        Some(&self.stored.build_function)
     }
 
     fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {

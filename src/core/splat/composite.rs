@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::arith::{LOG2_E, absorbed};
 use super::{Scene, Settings};
-use crate::arena::{Lane, stored_opacity};
+use crate::arena::visible::{MAX_DEPTH, stored_depth};
+use crate::arena::{Lane, VisibleCodes};
 use crate::classify::MagnitudeCodec;
 use crate::error::Result;
 
@@ -64,14 +65,12 @@ impl Blending {
     }
 }
 
-/// Largest optical depth, both per reference length and of a splat at a pixel: `e^-16` is below 2^-23.
-pub const MAX_DEPTH: f64 = 16.0;
-
 /// The look of a voxel: linear red, green and blue, and the optical depth of a path as long as the mean spacing.
 ///
 /// The depth is in units of ln 2: a voxel of depth d lets 2^-d of the light through.
 ///
-/// For linear blending the last number is an opacity. For maximum intensity all four are the value, scaled to 0 to 1.
+/// For linear blending the last number is an opacity. For maximum intensity it is the value, scaled to 0 to 1. It is 0 if the
+/// voxel is hidden.
 pub type Look = [f32; 4];
 
 /// A table of looks (colour and optical depth) by the codes of a scene's records (the stored numbers of its voxels).
@@ -87,6 +86,8 @@ pub struct Table<'a> {
     brightest: u16,
     mode: Mode,
     blending: Blending,
+    /// The codes of the voxels that are walked; `None` for those that the lane shows.
+    shown: Option<VisibleCodes>,
 }
 
 /// The codes that a look depends on.
@@ -110,7 +111,7 @@ impl<'a> Table<'a> {
         let reference = scene.transfer.reference_length().unwrap_or(mean_voxel);
         // Finite even for tiny reference lengths: infinity would make a transparent voxel's depth NaN.
         let depth_scale = (mean_voxel / reference).min(1e30) * f64::from(LOG2_E);
-        let by_magnitude = channels.magnitude_bits > 0 && scene.transfer.uses_gradient() && !mode.is_maximum();
+        let by_magnitude = channels.magnitude_bits > 0 && scene.transfer.uses_gradient();
         let key = match (by_magnitude, channels.value_bits) {
             (false, _) => LookKey::Value,
             (true, 8) => LookKey::ValueAndMagnitude,
@@ -120,24 +121,20 @@ impl<'a> Table<'a> {
             0 => None,
             _ => Some(MagnitudeCodec::new(scene.facts.scales.magnitude_scale)?),
         };
-        let last = if channels.value_bits == 8 { 255 } else { u16::MAX };
+        let last = channels.last_value_code();
         // If fewer values than codes are in use, dividing by the last code would leave the maximum dark.
         let brightest = if mode.is_maximum() { lane.largest_value_code().max(1) } else { last };
-        let (looks, blending) = (Vec::new(), settings.blending);
-        let mut table = Table { scene: *scene, magnitudes, key, looks, depth_scale, brightest, mode, blending };
+        let (looks, blending, shown) = (Vec::new(), settings.blending, None);
+        let mut table = Table { scene: *scene, magnitudes, key, looks, depth_scale, brightest, mode, blending, shown };
         for code in 0..=last {
             let [red, green, blue] = scene.transfer.colour(scene.facts.scales.value(code.into()));
             match key {
-                LookKey::Value if mode.is_maximum() => {
-                    let normalised = (f32::from(code) / f32::from(brightest)).min(1.0);
-                    table.looks.push([if table.may_show(code) { normalised } else { 0.0 }; 4]);
-                }
                 // Without stored magnitudes, every gradient counts as the largest.
-                LookKey::Value => table.looks.push([red, green, blue, table.depth(code, f64::MAX)]),
+                LookKey::Value => table.looks.push([red, green, blue, table.last_number(code, f64::MAX)]),
                 LookKey::ValueAndMagnitude => {
                     for magnitude in 0..=255 {
-                        let depth = table.depth(code, table.magnitude(magnitude));
-                        table.looks.push([red, green, blue, depth]);
+                        let last_number = table.last_number(code, table.magnitude(magnitude));
+                        table.looks.push([red, green, blue, last_number]);
                     }
                 }
                 LookKey::Computed => table.looks.push([red, green, blue, 0.0]),
@@ -148,7 +145,27 @@ impl<'a> Table<'a> {
             table.depth_scale *= f64::from(exposure);
             table.looks.iter_mut().for_each(|look| look[3] *= exposure);
         }
+        table.shown = table.shown_codes(lane);
         Ok(table)
+    }
+
+    /// Returns the codes that both `lane` and the transfer function show; `None` if that is for the lane alone to say, as
+    /// the function shows all codes, or is that of the build, or there is no table of all pairs of codes.
+    fn shown_codes(&self, lane: &Lane) -> Option<VisibleCodes> {
+        let shows = |value, magnitude| self.look(value, magnitude)[3] > 0.0;
+        let by_magnitude = self.key != LookKey::Value || lane.shown.is_some_and(VisibleCodes::by_magnitude);
+        let is_small = lane.channels.value_bits == 8 || !by_magnitude;
+        let hides_some = is_small && self.looks.iter().any(|look| look[3] <= 0.0);
+        (hides_some && self.scene.lanes.build_function() != Some(self.scene.transfer)).then(|| {
+            VisibleCodes::of(lane.channels, by_magnitude, |value, magnitude| {
+                shows(value, magnitude) && lane.shown.is_none_or(|shown| shown.has(value, magnitude))
+            })
+        })
+    }
+
+    /// Returns `lane`, for which the table was made, without the voxels that the transfer function hides.
+    pub(crate) fn shown_of<'l>(&'l self, lane: &Lane<'l>) -> Lane<'l> {
+        Lane { shown: self.shown.as_ref().or(lane.shown), ..*lane }
     }
 
     /// Returns the exposure at which a ray through n average voxels shows `1 - exp(-1.4)`; n^3 is the number of voxels.
@@ -168,25 +185,20 @@ impl<'a> Table<'a> {
         exposure
     }
 
-    /// Returns whether a value code has an opacity above 0 at any gradient magnitude.
-    fn may_show(&self, code: u16) -> bool {
-        let at = |magnitude| stored_opacity(self.scene.transfer, &self.scene.facts.scales, code, magnitude) > 0.0;
-        let at_some = |codec: &MagnitudeCodec| (0..=u8::MAX).step_by(5).any(|code| at(codec.decode(code)));
-        at(f64::MAX) || self.scene.transfer.uses_gradient() && self.magnitudes.as_ref().is_some_and(at_some)
-    }
-
     fn magnitude(&self, code: u8) -> f64 {
         self.magnitudes.as_ref().map_or(0.0, |codec| codec.decode(code))
     }
 
-    /// Returns the last number of a look, optical depth or opacity, for a value code and a gradient magnitude.
+    /// Returns the last number of the [`Look`] of a value code and a gradient magnitude.
     #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
-    fn depth(&self, code: u16, magnitude: f64) -> f32 {
-        let opacity = stored_opacity(self.scene.transfer, &self.scene.facts.scales, code, magnitude);
-        let depth = (-(-opacity.clamp(0.0, 1.0)).ln_1p()).min(MAX_DEPTH) * self.depth_scale;
+    fn last_number(&self, code: u16, magnitude: f64) -> f32 {
+        let depth = stored_depth(self.scene.transfer, &self.scene.facts.scales, code, magnitude);
+        let scaled = depth * self.depth_scale;
         match self.blending {
-            Blending::Exponential | Blending::Sheets => depth as f32,
-            Blending::Linear => -(-depth / f64::from(LOG2_E)).exp_m1() as f32,
+            _ if depth <= 0.0 => 0.0,
+            _ if self.mode.is_maximum() => (f32::from(code) / f32::from(self.brightest)).min(1.0),
+            Blending::Exponential | Blending::Sheets => scaled as f32,
+            Blending::Linear => -(-scaled / f64::from(LOG2_E)).exp_m1() as f32,
         }
     }
 
@@ -199,7 +211,7 @@ impl<'a> Table<'a> {
             LookKey::ValueAndMagnitude => look(usize::from(value) << 8 | usize::from(magnitude)),
             LookKey::Computed => {
                 let [red, green, blue, _] = look(value.into());
-                [red, green, blue, self.depth(value, self.magnitude(magnitude))]
+                [red, green, blue, self.last_number(value, self.magnitude(magnitude))]
             }
         }
     }

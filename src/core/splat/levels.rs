@@ -150,7 +150,7 @@ fn is_thin(scene: &Scene) -> bool {
 /// Returns whether the levels fit the function that the scene is drawn with: their voxels are as opaque as the blocks that they stand
 /// for if opacities are those of the build. A T1 head, built from 100 up and drawn from 180 up, had 22 dB at level 1.
 fn fit(scene: &Scene) -> bool {
-    scene.lanes.levels_function().is_none_or(|own| are_alike(own, scene.transfer, scene.facts))
+    scene.lanes.build_function().is_none_or(|own| are_alike(own, scene.transfer, scene.facts))
 }
 
 /// Returns the facts of a level, which the scene has.

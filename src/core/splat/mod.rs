@@ -58,8 +58,8 @@ pub trait Lanes: Sync {
         &[]
     }
 
-    /// Returns the transfer function by whose opacities the levels were made; `None` if there is none or it is not known.
-    fn levels_function(&self) -> Option<&TransferFunction> {
+    /// Returns the transfer function with which the voxels and levels were built; `None` if there is none or it is not known.
+    fn build_function(&self) -> Option<&TransferFunction> {
         None
     }
 

@@ -26,9 +26,9 @@
 use glam::{DMat3, DVec3};
 
 use super::arith::{LOG2_E, at_least, at_most, exp2_neg, keep_if};
-use super::composite::MAX_DEPTH;
 use super::kernel::KernelShape;
 use super::view::{PixelMap, View};
+use crate::arena::visible::MAX_DEPTH;
 use crate::traverse::Viewpoint;
 
 /// Distance from the eye's plane, in voxel coordinates, below which voxels are drawn exactly. Measured: OPTICS.md.

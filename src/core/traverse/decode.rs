@@ -12,7 +12,7 @@ use super::order::{AxisOrder, Sense};
 use super::sides::Sides;
 use super::simd::{CHUNK, LineChunk, prefix_sum, reversed, zero_steps};
 use super::walk::Batch;
-use crate::arena::Lane;
+use crate::arena::{Lane, VisibleCodes};
 
 /// Largest number of voxels in a batch, unless a single line has more.
 const BATCH: usize = 2_048;
@@ -174,9 +174,9 @@ impl<'a> Decoder<'a> {
                 }
             }
         };
-        let range = match self.lane.shown {
-            None => range,
-            Some(_) => keep_shown(self.lane, base, &mut self.batch.places(), range),
+        let range = match (self.lane.shown, self.lane.omitted) {
+            (None, None) => range,
+            _ => keep_shown(self.lane, base, self.batch.places(), range),
         };
         let DecodeBuffer { medium, fast, record } = &self.batch;
         Batch { slow, medium: &medium[range.clone()], fast: &fast[range.clone()], record: &record[range], base }
@@ -414,16 +414,33 @@ fn load_last(lane: &Lane, from: usize) -> [u8; CHUNK] {
     chunk
 }
 
-/// Moves the voxels that `lane` shows (see `Lane::shown`) to the front of `range`; returns the range that they fill.
-fn keep_shown(lane: &Lane, base: u64, places: &mut BatchSlices, range: Range<usize>) -> Range<usize> {
+/// Moves the voxels that `lane` shows (see `Lane::shows`) to the front of `range`; returns the range that they fill.
+#[inline(never)]
+fn keep_shown(lane: &Lane, base: u64, places: BatchSlices, range: Range<usize>) -> Range<usize> {
     let base = usize::try_from(base).unwrap_or(usize::MAX);
+    let of_bytes = lane.shown.and_then(VisibleCodes::of_bytes);
+    match of_bytes.filter(|_| lane.channels.value_bits == 8 && lane.patch.is_none() && lane.omitted.is_none()) {
+        // The most common codes are recognised once here: with `Lane::shows` a walk took 1.8 times as long.
+        Some(shown) => keep(places, range, |record| {
+            let code = lane.values.get(base.saturating_add(record));
+            code.is_some_and(|code| shown[usize::from(code >> 6)] >> (code & 63) & 1 == 1)
+        }),
+        None => keep(places, range, |record| lane.shows(base.saturating_add(record))),
+    }
+}
+
+/// Moves the voxels whose records `shows` accepts to the front of `range`; returns the range that they fill.
+#[inline(always)]
+fn keep(places: BatchSlices, range: Range<usize>, shows: impl Fn(usize) -> bool) -> Range<usize> {
+    let places = places.equal();
     let mut end = range.start;
     for from in range.clone() {
         // Moves first and counts afterwards: branches on what is shown would be mispredicted.
+        let record = places.record[from];
         places.medium[end] = places.medium[from];
         places.fast[end] = places.fast[from];
-        places.record[end] = places.record[from];
-        end += usize::from(lane.shows(base.saturating_add(places.record[end] as usize)));
+        places.record[end] = record;
+        end += usize::from(shows(record as usize));
     }
     range.start..end
 }

@@ -1,5 +1,7 @@
 //! A part of a volume, as a volume of its own.
 
+use std::path::PathBuf;
+
 use super::{Header, Samples, SlabSource};
 use crate::error::{Error, Result};
 
@@ -66,5 +68,9 @@ impl<S: SlabSource> SlabSource for PartSource<S> {
 
     fn notes(&self) -> &[String] {
         self.source.notes()
+    }
+
+    fn data_files(&self) -> &[PathBuf] {
+        self.source.data_files()
     }
 }

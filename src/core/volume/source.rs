@@ -1,5 +1,7 @@
 //! The interface that every reader of volumes implements.
 
+use std::path::PathBuf;
+
 use super::{Grid, SampleType, Samples};
 use crate::error::{Error, Result};
 
@@ -106,6 +108,11 @@ pub trait SlabSource: Send {
         &[]
     }
 
+    /// Returns the files with the samples if a header names them; none by default.
+    fn data_files(&self) -> &[PathBuf] {
+        &[]
+    }
+
     /// Returns the labels that the file names, if it says that its values are labels; they are none if it names none.
     ///
     /// Each has a value of its own. The value 0 is the background, and not among them.
@@ -140,6 +147,10 @@ macro_rules! by_pointer {
 
             fn notes(&self) -> &[String] {
                 (**self).notes()
+            }
+
+            fn data_files(&self) -> &[PathBuf] {
+                (**self).data_files()
             }
 
             fn labels(&self) -> Option<&[StatedLabel]> {

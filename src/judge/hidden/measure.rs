@@ -6,11 +6,21 @@ use super::carry::carry;
 use super::sampled::{by_axis, settings};
 use super::views::{CullingView, JUDGING_SIDE};
 use super::{Culling, CullingObserver, CullingStage, in_parallel};
+use adjsplat::arena::Lane;
 use adjsplat::error::Result;
 use adjsplat::internals::RecordSet;
-use adjsplat::splat::cpu::render_without;
-use adjsplat::splat::{Frame, Lighting, Scene};
+use adjsplat::splat::cpu::render;
+use adjsplat::splat::{Frame, Lanes, Lighting, Scene};
 use adjsplat::volume::Axis;
+
+/// The one lane that some views walk.
+struct OneLane<'a>(Lane<'a>);
+
+impl Lanes for OneLane<'_> {
+    fn lane(&self, _: Axis) -> Result<Lane<'_>> {
+        Ok(self.0)
+    }
+}
 
 /// The allowed difference over the transmittance at which rays end.
 const TERMINATION: f64 = 64.0;
@@ -45,12 +55,12 @@ pub(super) fn differences(
                 Some(carried)
             }
         };
-        let left_out = carried.as_ref().unwrap_or(hidden);
+        let shown = OneLane(Lane { omitted: Some(carried.as_ref().unwrap_or(hidden)), ..lane });
         in_parallel(own.len(), culling.threads, CullingStage::Compare, observer, |job| {
             let (index, view) = own[job];
             let settings = settings(view, culling.eps / TERMINATION).with_lighting(Lighting::default());
-            let (before, _) = render_without(scene, &view.camera, &settings, None)?;
-            let (after, _) = render_without(scene, &view.camera, &settings, Some(left_out))?;
+            let (before, _) = render(scene, &view.camera, &settings)?;
+            let (after, _) = render(&Scene { lanes: &shown, ..*scene }, &view.camera, &settings)?;
             differences.lock().unwrap_or_else(PoisonError::into_inner)[index] = difference(&before, &after);
             Ok(())
         })?;

@@ -15,7 +15,6 @@
 use super::blend::{Blend, FaintBackToFront, FaintFrontToBack};
 use super::project::Projector;
 use super::task::{BandStats, DrawTask, combine};
-use crate::arena::RecordSet;
 use crate::error::Result;
 use crate::splat::composite::{Blending, Mode, Table};
 use crate::splat::frame::Frame;
@@ -89,14 +88,13 @@ pub(super) fn draw(
     setup: &mut FrameSetup,
     table: &Table,
     settings: &Settings,
-    omitted: Option<&RecordSet>,
     stacks: &[VoxelBox],
 ) -> Result<(Frame, BandStats)> {
     let mut frame = Frame::transparent(settings.size)?;
     let mut stats = BandStats::default();
     for stack in stacks {
         setup.clip.crop = *stack;
-        let task = DrawTask::new::<FaintFrontToBack>(setup, table, settings, omitted);
+        let task = DrawTask::new::<FaintFrontToBack>(setup, table, settings);
         let bands = match settings.sense {
             Sense::FrontToBack => task.draw::<FaintFrontToBack>()?,
             Sense::BackToFront => task.draw::<FaintBackToFront>()?,

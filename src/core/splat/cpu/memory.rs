@@ -1,8 +1,8 @@
 //! Estimates the memory that drawing a frame takes, before the frame is drawn.
 
 use super::Plane;
+use crate::arena::visible::MAX_DEPTH;
 use crate::error::Result;
-use crate::splat::composite::MAX_DEPTH;
 use crate::splat::setup::walk_order;
 use crate::splat::{Blending, Camera, Settings, View};
 use crate::traverse::VoxelBox;

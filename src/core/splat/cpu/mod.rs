@@ -31,9 +31,9 @@ mod slab;
 mod spans;
 mod stamps;
 pub(crate) mod task;
-mod task_visitor;
 pub(crate) mod tile_buffer;
 mod tile_composite;
+mod timed_visitor;
 mod visible;
 pub(crate) mod voxel_block;
 mod warp;
@@ -56,7 +56,6 @@ use super::setup::FrameSetup;
 use super::supersample::Supersampling;
 use super::view::View;
 use super::{Camera, Scene, Settings, Stats};
-use crate::arena::RecordSet;
 use crate::error::Result;
 use crate::traverse::{Order, Sense, VoxelBox};
 
@@ -69,25 +68,10 @@ use crate::traverse::{Order, Sense, VoxelBox};
 /// be used; [`Error::OutOfMemory`](crate::Error::OutOfMemory); the error of [`Lanes::lane`](super::Lanes::lane) if that
 /// fails.
 pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
-    render_without(scene, camera, settings, None)
-}
-
-/// Draws a frame without the records (stored voxels) in `omitted`, a set of indices into the lane that the view walks.
-///
-/// The picture is bit for bit that of a scene from which these voxels were removed.
-///
-/// # Errors
-/// Returns the errors of [`render`].
-pub fn render_without(
-    scene: &Scene,
-    camera: &Camera,
-    settings: &Settings,
-    omitted: Option<&RecordSet>,
-) -> Result<(Frame, Stats)> {
     let start = Instant::now();
-    let parts = if omitted.is_some() { Vec::new() } else { level_parts(scene, camera, settings)? };
-    if omitted.is_some() || matches!(parts[..], [LevelPart { level: 0, crop }] if crop == settings.crop) {
-        return draw_scene(scene, camera, settings, omitted, None, start);
+    let parts = level_parts(scene, camera, settings)?;
+    if matches!(parts[..], [LevelPart { level: 0, crop }] if crop == settings.crop) {
+        return draw_scene(scene, camera, settings, None, start);
     }
     let (mut picture, mut stats) = (None::<Frame>, Stats::default());
     for part in parts {
@@ -95,7 +79,7 @@ pub fn render_without(
         let in_front = picture.as_ref().filter(|_| settings.sense == Sense::FrontToBack);
         let front = in_front.map(|picture| Front::new(picture, settings.termination())).transpose()?;
         let (behind, work) =
-            draw_scene(&level.scene(), camera, &part.settings(settings), None, front.as_ref(), Instant::now())?;
+            draw_scene(&level.scene(), camera, &part.settings(settings), front.as_ref(), Instant::now())?;
         match &mut picture {
             None => picture = Some(behind),
             Some(picture) => picture.put_behind(&behind, settings.mode),
@@ -110,7 +94,6 @@ fn draw_scene(
     scene: &Scene,
     camera: &Camera,
     settings: &Settings,
-    omitted: Option<&RecordSet>,
     front: Option<&Front>,
     start: Instant,
 ) -> Result<(Frame, Stats)> {
@@ -129,15 +112,15 @@ fn draw_scene(
         let settings = &Settings { size: view.size, ..settings.clone() };
         let mut setup = FrameSetup { view, ..setup.clone() };
         match faint::stacks(scene, &setup, &table, settings) {
-            Some(stacks) => faint::draw(&mut setup, &table, settings, omitted, &stacks),
-            None => draw_in_mode(&setup, &table, settings, omitted, front),
+            Some(stacks) => faint::draw(&mut setup, &table, settings, &stacks),
+            None => draw_in_mode(&setup, &table, settings, front),
         }
     };
     let (frame, work) = match sampling {
         None => draw(setup.view.clone(), front)?,
         Some(Plane::Lattice(lattice)) => {
             let draw = if settings.mode == Mode::Additive { warped::<Additive> } else { warped::<FrontToBack> };
-            draw(&setup, &table, settings, omitted, front, &lattice)?
+            draw(&setup, &table, settings, front, &lattice)?
         }
         Some(Plane::Supersampling(supersampling)) => {
             let (mut picture, mut work) = (Frame::transparent(settings.size)?, BandStats::default());
@@ -194,12 +177,11 @@ fn warped<B: Blend>(
     setup: &FrameSetup,
     table: &Table,
     settings: &Settings,
-    omitted: Option<&RecordSet>,
     front: Option<&Front>,
     lattice: &Lattice,
 ) -> Result<(Frame, BandStats)> {
     let level = dispatch::level(settings.code);
-    let task = DrawTask { front, ..DrawTask::new::<B>(setup, table, settings, omitted) };
+    let task = DrawTask { front, ..DrawTask::new::<B>(setup, table, settings) };
     let (plane, work) = task.on_lattice::<B>(lattice)?;
     if settings.mode == Mode::Composite {
         return Ok((warp::warp(lattice, plane, 1.0, level, settings.threads)?, work));
@@ -215,7 +197,6 @@ fn draw_in_mode(
     setup: &FrameSetup,
     table: &Table,
     settings: &Settings,
-    omitted: Option<&RecordSet>,
     front: Option<&Front>,
 ) -> Result<(Frame, BandStats)> {
     let draw = match (settings.mode, settings.sense) {
@@ -224,7 +205,7 @@ fn draw_in_mode(
         (Mode::Composite, Sense::BackToFront) => blended::<BackToFront>,
         (Mode::Additive | Mode::Maximum | Mode::MaximumGrey, _) => blended::<Additive>,
     };
-    draw(setup, table, settings, omitted, front)
+    draw(setup, table, settings, front)
 }
 
 /// Draws all voxels in the blend mode `B`.
@@ -232,10 +213,9 @@ fn blended<B: Blend>(
     setup: &FrameSetup,
     table: &Table,
     settings: &Settings,
-    omitted: Option<&RecordSet>,
     front: Option<&Front>,
 ) -> Result<(Frame, BandStats)> {
-    let bands = DrawTask { front, ..DrawTask::new::<B>(setup, table, settings, omitted) }.draw::<B>()?;
+    let bands = DrawTask { front, ..DrawTask::new::<B>(setup, table, settings) }.draw::<B>()?;
     assemble(&bands, settings, table)
 }
 
@@ -258,7 +238,7 @@ pub fn mark_visible(scene: &Scene, camera: &Camera, settings: &Settings, visible
     };
     let setup = FrameSetup::new(scene, camera, &settings)?;
     let table = Table::new(scene, &setup.lane, &settings, setup.view.mean_voxel)?;
-    let task = DrawTask { visible: Some(visible), ..DrawTask::new::<FrontToBack>(&setup, &table, &settings, None) };
+    let task = DrawTask { visible: Some(visible), ..DrawTask::new::<FrontToBack>(&setup, &table, &settings) };
     let full = full_rect(settings.size);
     let strip = (STRIP_PIXELS / full.x1.max(1)).max(1);
     for y0 in (0..full.y1).step_by(strip.unsigned_abs() as usize) {

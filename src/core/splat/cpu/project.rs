@@ -14,11 +14,12 @@
 use super::raster::{BLOCK, Extents, Splats};
 use super::tile_buffer::{Rect, TileBuffer};
 use super::voxel_block::{Coordinates, Displaced, VoxelBlock};
+use crate::arena::visible::MAX_DEPTH;
 use crate::arena::{Coverage, Lane};
 use crate::classify::normal;
 use crate::splat::arith::{LOG2_E, at_least, at_most, keep_if};
 use crate::splat::clip::{ClipRegion, IndexPlane};
-use crate::splat::composite::{Look, MAX_DEPTH, Table};
+use crate::splat::composite::{Look, Table};
 use crate::splat::kernel::{Ellipse, footprint};
 use crate::splat::near::NearView;
 use crate::splat::setup::FrameSetup;

@@ -12,12 +12,11 @@ use super::gather::Band;
 use super::lattice::Lattice;
 use super::look_tables::LookTables;
 use super::project::Projector;
-use super::task_visitor::TaskVisitor;
 use super::tile_buffer::{Rect, TILE, TileBuffer};
+use super::timed_visitor::TimedVisitor;
 use super::visible::VisibleRecords;
 use super::warp::halved;
 use super::{band, dispatch, gather, maximum, plain};
-use crate::arena::RecordSet;
 use crate::error::Result;
 use crate::parallel::on_each;
 use crate::splat::composite::{Blending, Table};
@@ -31,8 +30,6 @@ pub(super) struct DrawTask<'a> {
     pub(super) projector: Projector<'a>,
     pub(super) setup: &'a FrameSetup<'a>,
     pub(super) settings: &'a Settings,
-    /// Records of the lane that are not drawn.
-    pub(super) omitted: Option<&'a RecordSet>,
     /// The pixels that parts of the scene in front left open, if there are such.
     pub(super) front: Option<&'a Front>,
     /// Where visible records are marked, if they are. Needs front-to-back compositing on one thread.
@@ -81,16 +78,11 @@ impl BandStats {
 }
 
 impl<'a> DrawTask<'a> {
-    /// Returns the task of drawing all voxels, except those that are `omitted`, in the blend mode `B`.
-    pub(super) fn new<B: Blend>(
-        setup: &'a FrameSetup,
-        table: &'a Table,
-        settings: &'a Settings,
-        omitted: Option<&'a RecordSet>,
-    ) -> DrawTask<'a> {
+    /// Returns the task of drawing all voxels in the blend mode `B`.
+    pub(super) fn new<B: Blend>(setup: &'a FrameSetup, table: &'a Table, settings: &'a Settings) -> DrawTask<'a> {
         let alpha_ink = if settings.blending == Blending::Sheets { Additive::ALPHA_INK } else { B::ALPHA_INK };
         let projector = Projector::new(setup, table, alpha_ink, if B::STOPS { settings.termination() } else { 0.0 });
-        DrawTask { projector, setup, settings, omitted, front: None, visible: None }
+        DrawTask { projector, setup, settings, front: None, visible: None }
     }
 
     /// Draws all splats, or the largest value on the ray of each pixel, band by band.
@@ -152,12 +144,13 @@ impl<'a> DrawTask<'a> {
         Ok((frame, stats))
     }
 
-    /// Walks the lane and passes its voxels to `painter`, which draws and counts them; returns the other numbers.
+    /// Walks the lane and passes those of its voxels that the transfer function shows to `painter`, which draws and counts them;
+    /// returns the other numbers.
     pub(super) fn walk(&self, painter: &mut dyn Visitor) -> BandStats {
         let start = Instant::now();
-        let mut visitor = TaskVisitor::new(painter, self.omitted);
-        walk(&self.setup.lane, &self.setup.order, &mut visitor);
-        let TaskVisitor { visited, drawing, .. } = visitor;
+        let mut visitor = TimedVisitor { painter, visited: 0, drawing: Duration::ZERO };
+        walk(&self.projector.table.shown_of(&self.setup.lane), &self.setup.order, &mut visitor);
+        let TimedVisitor { visited, drawing, .. } = visitor;
         BandStats { visited, drawing, walking: start.elapsed().saturating_sub(drawing), bands: 1, drawn: 0 }
     }
 

@@ -10,10 +10,10 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::arena::layout::line_end_bytes;
+use crate::arena::visible::MAX_DEPTH;
 use crate::splat::Lighting;
 use crate::splat::arith::LOG2_E;
 use crate::splat::clip::{ClipRegion, IndexPlane};
-use crate::splat::composite::MAX_DEPTH;
 use crate::splat::cpu::maximum::Rays;
 use crate::splat::kernel::{KernelShape, footprint};
 use crate::splat::near::NearView;

@@ -64,7 +64,7 @@ impl<'a> LookTables<'a> {
         if let Some(on_device) = there {
             return Ok(LookTables { table, mean_voxel, on_device });
         }
-        let last = if lane.channels.value_bits == 8 { u16::from(u8::MAX) } else { u16::MAX };
+        let last = lane.channels.last_value_code();
         let uses_magnitude = table.needs_magnitude()
             || lane.shown.is_some_and(|shown| shown.by_magnitude() && lane.channels.magnitude_bits > 0);
         let look = |value: u16, magnitude: u8| {
