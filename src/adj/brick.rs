@@ -12,12 +12,12 @@ use super::progress::{Progress, interrupted};
 use super::resources::ResourceArguments;
 use super::split::CutArguments;
 use super::values::levels;
-use super::{Answer, is_same_file, print_note, print_result};
+use super::{Answer, check_output, print_note, print_result};
 use adjsplat::arena::Levels;
 use adjsplat::build::Resources;
 use adjsplat::collection::{Findings, Partition, Plan};
 use adjsplat::error::{Error, Result};
-use adjsplat::file::{check_writable, write_atomically_unless};
+use adjsplat::file::write_atomically_unless;
 use adjsplat::internals::read_text;
 use adjsplat::volume::PartSource;
 
@@ -159,9 +159,7 @@ fn plan(arguments: &PlanArguments) -> Result<Answer> {
     let Some(transfer) = arguments.classification.transfer(input.path())? else {
         return Err(Error::input("--range, --tf or --labels", "must say what is visible; all bricks need the same"));
     };
-    if input.has(&arguments.output) {
-        return Err(Error::input("--output", "is the volume itself, which it would replace; give another name"));
-    }
+    check_output("--output", &arguments.output, input.all_files(&source))?;
     let options = arguments.packing.options(transfer, None).with_levels(arguments.levels);
     let mut plan = Plan::new(source.header(), options, &arguments.cuts.sizes())?;
     if let Some(every) = arguments.cuts.preview {
@@ -182,8 +180,9 @@ fn plan(arguments: &PlanArguments) -> Result<Answer> {
 
 fn scan(arguments: &ScanArguments) -> Result<Answer> {
     let ScanArguments { brick, output } = arguments;
-    check_output(output, &[&brick.plan])?;
-    let (plan, mut source) = brick.open()?;
+    let input = Input::find(&brick.input)?;
+    let (plan, mut source) = brick.open(&input)?;
+    check_output("--output", output, input.all_files(&source).chain([brick.plan.as_path()]))?;
     let resources = brick.resources(std::env::temp_dir());
     let found = plan.scan(brick.number, &mut source, &resources, &mut Progress::new(brick.quiet))?;
     write(output, &serde_json::to_string(&found).expect("numbers are plain JSON"))?;
@@ -193,7 +192,7 @@ fn scan(arguments: &ScanArguments) -> Result<Answer> {
 
 fn agree(arguments: &AgreeArguments) -> Result<Answer> {
     let AgreeArguments { plan, found, output } = arguments;
-    check_output(output, &found.iter().chain([plan]).map(PathBuf::as_path).collect::<Vec<_>>())?;
+    check_output("--output", output, found.iter().chain([plan]).map(PathBuf::as_path))?;
     let findings = found.iter().map(|path| read::<Findings>(path)).collect::<Result<Vec<_>>>()?;
     let plan = read_plan(plan)?.agree(&findings)?;
     let is_agreed = plan.is_agreed()?;
@@ -212,7 +211,8 @@ fn agree(arguments: &AgreeArguments) -> Result<Answer> {
 
 fn build(arguments: &BuildArguments) -> Result<Answer> {
     let BuildArguments { brick, output } = arguments;
-    let (plan, mut source) = brick.open()?;
+    let input = Input::find(&brick.input)?;
+    let (plan, mut source) = brick.open(&input)?;
     match std::fs::create_dir(output) {
         Err(fault) if fault.kind() == std::io::ErrorKind::AlreadyExists && output.is_dir() => {}
         made => made.map_err(Error::io("create the folder", output))?,
@@ -233,10 +233,10 @@ fn finish(arguments: &FinishArguments) -> Result<Answer> {
 
 impl BrickOfVolume {
     /// Opens the plan, and the samples that its brick needs.
-    fn open(&self) -> Result<(Plan, impl adjsplat::volume::SlabSource)> {
+    fn open(&self, input: &Input) -> Result<(Plan, impl adjsplat::volume::SlabSource)> {
         let plan = read_plan(&self.plan)?;
         let region = plan.samples_of(self.number)?;
-        let volume = self.reading.open(&Input::find(&self.input)?)?;
+        let volume = self.reading.open(input)?;
         let dims = volume.header().grid.dims;
         if dims != plan.grid().dims {
             let why = format!("has {dims:?} points, but the plan is of a volume of {:?}", plan.grid().dims);
@@ -263,14 +263,6 @@ fn read_plan(path: &Path) -> Result<Plan> {
         Error::Input { what, why } if what == "plan" => Error::input(path.display().to_string(), why),
         other => other,
     })
-}
-
-/// Refuses an output that is one of the inputs.
-fn check_output(output: &Path, inputs: &[&Path]) -> Result<()> {
-    match inputs.iter().any(|input| is_same_file(input, output)) {
-        true => Err(Error::input("--output", "is an input too, which it would replace; give another name")),
-        false => check_writable(output),
-    }
 }
 
 fn write(path: &Path, text: &str) -> Result<()> {

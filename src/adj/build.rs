@@ -13,13 +13,13 @@ use super::input::{Input, InputArguments, phantom};
 use super::progress::Progress;
 use super::resources::{ResourceArguments, peak_rss_bytes};
 use super::values::{Choice, choice, levels};
-use super::{Answer, print_note, print_result, starts_as_adj};
+use super::{Answer, check_output, print_note, print_result, starts_as_adj};
 use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Levels, TileOrder};
 use adjsplat::build::{BuildOptions, Classified, Resources, SampleSummary, classify};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
-use adjsplat::file::{AdjFile, RowsOutput, check_writable, open_rows, scratch_folder, write_rows};
+use adjsplat::file::{AdjFile, RowsOutput, open_rows, scratch_folder, write_rows};
 use adjsplat::internals::Budget;
 use adjsplat::internals::description;
 use adjsplat::volume::{Header, SlabSource};
@@ -131,7 +131,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let options = arguments.packing.options(transfer, None).with_levels(arguments.levels);
     let culling = arguments.culling.culling(memory, threads)?;
     let path = &arguments.output(input.path())?;
-    check_output(path, &input)?;
+    check_adj_output(path, input.all_files(&source))?;
     let header = source.header().clone();
     let folder = scratch_folder(path)?;
     let resources = Resources { memory: Some(memory), threads, folder: Some(folder.clone()) };
@@ -274,16 +274,10 @@ pub(super) fn classify_with_warnings(
     Ok(built)
 }
 
-/// Checks, before a long build, that the output can be written and would not overwrite a volume.
-fn check_output(output: &Path, input: &Input) -> Result<()> {
-    if input.has(output) {
-        return Err(Error::input("--output", "is the volume itself, which it would replace; give another name"));
-    }
-    check_replaceable(output)
-}
-
-/// Checks that the output can be written and would overwrite nothing but an old .adj file.
-pub(super) fn check_replaceable(output: &Path) -> Result<()> {
+/// Checks, before any work, that the output can be written and would replace nothing but an old .adj file; none of the `others`.
+pub(super) fn check_adj_output<'a>(output: &Path, others: impl IntoIterator<Item = &'a Path>) -> Result<()> {
+    // A folder may hold the volume's files and the output: no file of a volume is an .adj file.
+    check_output("--output", output, others.into_iter().filter(|other| !other.is_dir()))?;
     // A header file may name other files that hold its samples, so those are kept too.
     let named = output.extension().is_some_and(|extension| extension == "adj");
     let old = std::fs::metadata(output).is_ok_and(|found| found.is_file() && found.len() > 0);
@@ -291,7 +285,7 @@ pub(super) fn check_replaceable(output: &Path) -> Result<()> {
         let why = "is there already and is no .adj file; remove it first, or give a name that ends in .adj";
         return Err(Error::input(output.display().to_string(), why));
     }
-    check_writable(output)
+    Ok(())
 }
 
 fn report(

@@ -7,9 +7,9 @@ use serde_json::{Value, json};
 
 use super::progress::interrupted;
 use super::values::{Background, background};
-use super::{Answer, is_same_file, is_same_place, print_result};
-use adjsplat::error::{Error, Result};
-use adjsplat::file::{check_writable, write_atomically_unless};
+use super::{Answer, check_output, print_result};
+use adjsplat::error::Result;
+use adjsplat::file::write_atomically_unless;
 use adjsplat_judge::metrics::{HeatMap, Metrics, compare};
 use adjsplat_pictures::read_picture;
 use adjsplat_pictures::{Picture, PictureKind, SampleDepth};
@@ -96,18 +96,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let Arguments { right, other, max_error, metric, diff, json, background } = arguments;
     let to_stdout = json.as_deref() == Some(Path::new("-"));
     let json_file = json.as_ref().filter(|_| !to_stdout);
-    for (flag, path) in [("--diff", diff.as_ref()), ("--json", json_file)] {
-        let Some(path) = path else { continue };
-        if is_same_file(path, right) || is_same_file(path, other) {
-            return Err(Error::input(flag, "is one of the pictures, which it would replace; give another name"));
-        }
-        check_writable(path)?;
-    }
-    if let (Some(diff), Some(json)) = (diff, json_file)
-        && is_same_place(diff, json)
-    {
-        return Err(Error::input("--json", "is the file of --diff, too; give another name"));
-    }
+    let pictures = || [right, other].into_iter().map(PathBuf::as_path);
+    diff.as_ref().map_or(Ok(()), |path| check_output("--diff", path, pictures()))?;
+    json_file.map_or(Ok(()), |path| check_output("--json", path, pictures().chain(diff.as_deref())))?;
     let kind = diff.as_ref().map(|path| PictureKind::of(path)).transpose()?;
     let (a, b) = (read_picture(right)?, read_picture(other)?);
     let metrics = compare(&a, &b, *background)?;

@@ -6,9 +6,9 @@ use clap::Args;
 
 use super::progress::interrupted;
 use super::values::{Background, background, choice};
-use super::{Answer, is_same_file, print_result};
+use super::{Answer, check_output, print_result};
 use adjsplat::error::{Error, Result};
-use adjsplat::file::{check_writable, write_atomically_unless};
+use adjsplat::file::write_atomically_unless;
 use adjsplat::splat::Mode;
 use adjsplat_pictures::{Picture, PictureKind, SampleDepth, read_picture};
 
@@ -36,11 +36,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let kind = PictureKind::of(&arguments.output)?;
-    if let Some(input) = arguments.pictures.iter().find(|input| is_same_file(input, &arguments.output)) {
-        let why = "is the output too, which would replace it; give another name";
-        return Err(Error::input(input.display().to_string(), why));
-    }
-    check_writable(&arguments.output)?;
+    check_output("--output", &arguments.output, arguments.pictures.iter().map(PathBuf::as_path))?;
     let (first, farther) = arguments.pictures.split_first().expect("one at least is required");
     let mut picture = read_picture(first)?;
     for path in farther {

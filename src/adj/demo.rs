@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser as _};
 
-use super::{Answer, Cli, print_result};
+use super::{Answer, Cli, print_note, print_result};
 use adjsplat::error::{Error, Result};
 
 /// Build and draw a computed volume, without any input
@@ -22,8 +22,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let picture = arguments.folder.join("adj-demo.png");
     say_and_do(&["build", "phantom:gyroid", "--dims", "192x192x192", "--tf", "gyroid"], &[Path::new("-o"), &file])?;
     let view = ["--azimuth", "30", "--elevation", "25", "--perspective", "30"];
-    say_and_do(&["render"], &[[file.as_path(), Path::new("-o"), &picture].as_slice(), &view.map(Path::new)].concat())?;
+    let drawn = say_and_do(
+        &["render"],
+        &[[file.as_path(), Path::new("-o"), &picture].as_slice(), &view.map(Path::new)].concat(),
+    );
     let (file, picture) = (file.display(), picture.display());
+    if drawn.is_err() {
+        print_note(&format!("note: {file} is there, without a picture"));
+    }
+    drawn?;
     print_result(&format!(
         "\nThe picture is {picture}. Try next:\n  adj render {file} -o turn.apng --frames 24 --size 400x400\n  \
          adj info {file}\n  adj build YOUR.nii.gz --range 100.. -o yours.adj    (.nrrd .mhd .vtk and raw too: adj build --help)"

@@ -34,13 +34,14 @@ const ADVICE: [(&str, &str); 10] = [
 ];
 
 /// Texts in messages of the judge and the readers, each with the text with flags that replaces it.
-const MORE_ADVICE: [(&str, &str); 12] = [
+const MORE_ADVICE: [(&str, &str); 13] = [
     ("certified hidden voxels: ", "--cull-hidden-certified: "),
     ("find hidden voxels by sampling instead", "use --cull-hidden instead"),
     ("; allow a larger change", "; give a larger --cull-hidden=EPS, or leave it out"),
     ("use a transfer function for labels", "draw them with --labels distinct"),
     ("describe them with `OpenOptions::raw`", "give --dims 256x256x128 and --type u8 or alike"),
     ("`OpenOptions::level`", "--level"),
+    ("`OpenOptions::volume_index`", "--volume"),
     ("`OpenOptions::outside_files`", "--outside-files"),
     ("`OpenOptions::series`", "--series"),
     ("`OpenOptions::spacing`", "--spacing XxYxZ"),

@@ -11,7 +11,7 @@ use super::histogram::{POINTS, chart, plot, short, thresholds};
 use super::input::{Input, InputArguments};
 use super::progress::Progress;
 use super::study::output::{check_plots, write_plots};
-use super::{Answer, print_result, starts_as_adj};
+use super::{Answer, check_output, print_result, starts_as_adj};
 use adjsplat::arena::Arena;
 use adjsplat::arena::layout::{Facts, SectionEntry};
 use adjsplat::build::{Histogram, Suggestion};
@@ -45,6 +45,7 @@ const QUANTILES: [f64; 8] = [0.01, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 0.999];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let input = Input::find(&arguments.input)?;
+    arguments.plot.iter().try_for_each(|plot| check_output("--plot", plot, input.files()))?;
     check_plots(&arguments.plot)?;
     if Collection::is_at(input.path()) {
         let answer = of_collection(&Collection::open(input.path())?);
@@ -54,6 +55,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     if is_adj(input.path())? {
         if !arguments.plot.is_empty() {
             return Err(Error::input("--plot", "is for volumes, but the input is an .adj file; leave it out"));
+        }
+        if let Some(flag) = arguments.reading.given() {
+            return Err(Error::input(flag, "is for volumes, but the input is an .adj file; leave it out"));
         }
         let answer = of_arena(input.path())?;
         print_result(&if arguments.json { answer.to_string() } else { as_text(&answer) });

@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::info::is_adj;
 use super::values::{Choice, LevelChoice, choice, library, resolution};
-use super::{is_same_file, print_note, starts_as_adj};
+use super::{print_note, starts_as_adj};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, Grid, SampleType, SlabSource};
@@ -32,18 +32,27 @@ impl Input {
                 _ => files.push(argument.clone()),
             }
         }
+        if files.len() > 1 {
+            // A pattern may match what an earlier build wrote beside the slices.
+            let mut others = Vec::new();
+            for file in std::mem::take(&mut files) {
+                if std::fs::metadata(&file).map_err(Error::io("open", &file))?.is_dir() {
+                    let why = "is one of several inputs, which must be files of slices; give one input";
+                    return Err(Error::input(file.display().to_string(), why));
+                }
+                if is_adj(&file)? { others.push(file) } else { files.push(file) }
+            }
+            if files.is_empty() {
+                return Err(Error::input("the inputs", "are .adj files, which are no slices of a volume; give one"));
+            }
+            for file in others {
+                print_note(&format!("note: {} is an .adj file, not a slice; it is left out", file.display()));
+            }
+        }
         let path = match files.as_slice() {
             [one] => one.clone(),
             several => slices_path(several),
         };
-        if files.len() > 1 {
-            for file in &files {
-                if std::fs::metadata(file).map_err(Error::io("open", file))?.is_dir() || is_adj(file)? {
-                    let why = "is one of several inputs, which must be files of slices; give one input";
-                    return Err(Error::input(file.display().to_string(), why));
-                }
-            }
-        }
         Ok(Input { files, path })
     }
 
@@ -52,9 +61,14 @@ impl Input {
         &self.path
     }
 
-    /// Returns whether `path` leads to one of the files.
-    pub(super) fn has(&self, path: &Path) -> bool {
-        self.files.iter().any(|file| is_same_file(path, file))
+    /// Returns the paths of the files and folders.
+    pub(super) fn files(&self) -> impl Iterator<Item = &Path> {
+        self.files.iter().map(PathBuf::as_path)
+    }
+
+    /// Returns the paths of the files and folders, and of the files that their headers name.
+    pub(super) fn all_files<'a>(&'a self, source: &'a dyn SlabSource) -> impl Iterator<Item = &'a Path> {
+        self.files().chain(source.data_files().iter().map(PathBuf::as_path))
     }
 }
 
@@ -153,8 +167,11 @@ impl InputArguments {
     /// Opens `input` as its file describes it.
     fn as_it_says(&self, Input { files, path: input }: &Input) -> Result<Box<dyn SlabSource>> {
         if let Some(phantom) = phantom(input)? {
-            if self.resolution() != 0 || self.series.is_some() {
-                return Err(Error::input("--level, --series", "are for OME-Zarr and DICOM; leave them out"));
+            let takes = ["--dims", "--type", "--spacing", "--unscaled", "--flip"];
+            if let Some(flag) =
+                self.given().filter(|flag| !takes.contains(flag)).or((self.resolution() != 0).then_some("--level"))
+            {
+                return Err(Error::input(flag, "is for files, but the input is a phantom; leave it out"));
             }
             let sample_type = self.sample_type.map_or(SampleType::U8, |(sample_type, _)| sample_type);
             return phantom.open(self.dims.unwrap_or([256; 3]), sample_type, self.spacing.unwrap_or([1.0; 3]));

@@ -6,11 +6,11 @@ use std::time::Instant;
 use clap::Args;
 use serde_json::json;
 
-use super::build::check_replaceable;
+use super::build::check_adj_output;
 use super::flags::one_line;
 use super::progress::Progress;
 use super::resources::ResourceArguments;
-use super::{Answer, is_same_file, print_note, print_result};
+use super::{Answer, print_note, print_result};
 use adjsplat::collection::{Collection, MANIFEST, Manifest};
 use adjsplat::error::{Error, Result};
 
@@ -44,14 +44,8 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
-    let collection = open(&arguments.input, arguments.partial)?;
-    check_spared(&collection, "--output", &arguments.output)?;
-    check_replaceable(&arguments.output)?;
-    if !arguments.no_verify {
-        for brick in collection.bricks() {
-            brick.check()?;
-        }
-    }
+    let collection = open(&arguments.input, arguments.partial, !arguments.no_verify)?;
+    check_adj_output(&arguments.output, files_of(&collection).iter().map(PathBuf::as_path))?;
     let (memory, threads) = (Some(arguments.resources.memory()), arguments.resources.threads());
     let mut progress = Progress::new(arguments.quiet);
     let (facts, bytes) = collection.join(&arguments.output, memory, threads, &mut progress)?;
@@ -74,29 +68,26 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
-/// Refuses an output that is one of the collection's files.
-pub(super) fn check_spared(collection: &Collection, flag: &str, output: &Path) -> Result<()> {
-    if !output.exists() {
-        return Ok(());
-    }
+/// Returns the paths of the collection's files.
+pub(super) fn files_of(collection: &Collection) -> Vec<PathBuf> {
     let Manifest { partitions, preview, .. } = collection.manifest();
     let bricks = partitions.iter().flatten().filter_map(|brick| brick.file.as_deref());
-    let mut names = bricks.chain(preview.iter().map(|preview| preview.file.as_str())).chain([MANIFEST]);
-    match names.any(|name| is_same_file(&collection.path().join(name), output)) {
-        true => Err(Error::input(flag, "is a file of the collection, which it would replace; give another name")),
-        false => Ok(()),
-    }
+    let names = bricks.chain(preview.iter().map(|preview| preview.file.as_str())).chain([MANIFEST]);
+    names.map(|name| collection.path().join(name)).collect()
 }
 
-/// Opens a collection and names each brick that cannot be used.
+/// Opens a collection and names each brick that cannot be used. Only if it is to `verify` them are all bytes of bricks checked.
 ///
 /// # Errors
 /// [`Error::Input`] if there are such bricks, unless `partial`; the errors of [`Collection::open`].
-pub(super) fn open(path: &Path, partial: bool) -> Result<Collection> {
+pub(super) fn open(path: &Path, partial: bool, verify: bool) -> Result<Collection> {
     if std::fs::metadata(path).is_ok_and(|found| !found.is_dir()) {
         return Err(Error::input(path.display().to_string(), "is a file; give the folder of a collection, NAME.adjs"));
     }
-    let collection = Collection::open(path)?;
+    let mut collection = Collection::open(path)?;
+    if verify {
+        collection.leave_out_damaged();
+    }
     let (faults, all) = (collection.faults(), collection.bricks().len());
     for fault in faults {
         print_note(&one_line(fault));

@@ -45,12 +45,14 @@ mod view;
 use std::io::{Read as _, Write as _};
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory as _, Parser, Subcommand};
 
 use adjsplat::arena::layout::MAGIC;
 use adjsplat::error::{Error, Result};
+use adjsplat::file::check_writable;
 
 /// The answer of a command that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -176,13 +178,18 @@ fn usage(error: &clap::Error) -> ExitCode {
     }
 }
 
+/// Whether a file that the call writes is stdout. Results then go to stderr.
+static WRITES_TO_STDOUT: AtomicBool = AtomicBool::new(false);
+
 /// Prints a result. Ends the program if stdout fails, but not if the reader closed it.
 fn print_result(text: &str) {
+    let text = printable(text) + "\n";
+    if WRITES_TO_STDOUT.load(Ordering::Relaxed) {
+        let _ = std::io::stderr().write_all(text.as_bytes());
+        return;
+    }
     let mut stdout = std::io::stdout().lock();
-    let text = printable(text);
-    let written =
-        stdout.write_all(text.as_bytes()).and_then(|()| stdout.write_all(b"\n")).and_then(|()| stdout.flush());
-    finish_stdout(written);
+    finish_stdout(stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()));
 }
 
 /// Ends the program with exit code 2 if writing a result failed, but not if the reader closed stdout.
@@ -210,6 +217,22 @@ fn printable(text: &str) -> String {
 /// Returns whether both paths lead to the same existing file.
 fn is_same_file(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
+/// Checks, before any work, that `output` can be written and is none of the other files of the call, nor in a folder that is
+/// read. If it is stdout, results go to stderr from now on.
+fn check_output<'a>(flag: &str, output: &Path, others: impl IntoIterator<Item = &'a Path>) -> Result<()> {
+    let is_within = |folder: &Path| {
+        let paths = (folder.canonicalize(), output.canonicalize());
+        folder.is_dir() && matches!(paths, (Ok(folder), Ok(output)) if output.starts_with(&folder))
+    };
+    if others.into_iter().any(|other| is_same_place(output, other) || is_within(other)) {
+        return Err(Error::input(flag, "is another file of this call, which it would replace; give another name"));
+    }
+    if ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].map(Path::new).contains(&output) {
+        WRITES_TO_STDOUT.store(true, Ordering::Relaxed);
+    }
+    check_writable(output)
 }
 
 /// Returns whether both paths lead to the same file, which need not exist yet.

@@ -7,9 +7,9 @@ use serde_json::json;
 
 use super::input::{Input, InputArguments};
 use super::progress::{Progress, interrupted};
-use super::{Answer, print_result};
-use adjsplat::error::{Error, Result};
-use adjsplat::file::{check_writable, write_atomically_unless};
+use super::{Answer, check_output, print_result};
+use adjsplat::error::Result;
+use adjsplat::file::write_atomically_unless;
 
 /// Write a volume's voxels as a raw file: no header, x fastest, little endian
 ///
@@ -39,10 +39,7 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let input = Input::find(&arguments.input)?;
     let mut source = arguments.reading.open(&input)?;
-    if input.has(&arguments.output) {
-        return Err(Error::input("--output", "is the volume itself, which it would replace; give another name"));
-    }
-    check_writable(&arguments.output)?;
+    check_output("--output", &arguments.output, input.all_files(&source))?;
     let header = source.header().clone();
     let mut slice = header.new_slice()?;
     let mut progress = Progress::new(arguments.quiet);

@@ -27,13 +27,13 @@ use super::resources::processors;
 use super::size::memory;
 use super::stored::{missing_values, stored_transfer};
 use super::values::{LevelChoice, level, number};
-use super::{Answer, is_same_file, is_same_place, print_note};
+use super::{Answer, check_output, print_note};
 use adjsplat::arena::{Arena, Levels};
 use adjsplat::build::Resources;
 use adjsplat::classify::TransferFunction;
 use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
-use adjsplat::file::{AdjFile, RowsOutput, arena_bytes, check_writable, open_rows, scratch_folder};
+use adjsplat::file::{AdjFile, RowsOutput, arena_bytes, open_rows, scratch_folder};
 use adjsplat::internals::{description, drawable};
 use adjsplat::limits::Limits;
 use adjsplat::splat::{Camera, Outline, Scene, Settings};
@@ -117,26 +117,17 @@ fn part(text: &str) -> Result<[usize; 2], String> {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let kind = PictureKind::of(&arguments.output)?;
-    check_writable(&arguments.output)?;
     let input = Input::find(&arguments.input)?;
+    check_output("--output", &arguments.output, input.files().filter(|file| !file.is_dir()))?;
     let outputs = if arguments.view.frames > 1 && kind != PictureKind::Apng {
         numbered(&arguments.output, arguments.view.frames)
     } else {
         vec![arguments.output.clone()]
     };
     if let Some(stats) = &arguments.stats {
-        let is = |other: &str| {
-            Err(Error::input("--stats", format!("is {other}, which it would replace; give another name")))
-        };
-        let read = [arguments.classification.tf.as_deref(), arguments.view.camera.as_deref()];
-        if input.has(stats) {
-            return is("the input itself");
-        } else if outputs.iter().any(|output| is_same_place(stats, output)) {
-            return is("the picture, too");
-        } else if read.into_iter().flatten().any(|path| is_same_file(stats, Path::new(path))) {
-            return is("the file of --tf or --camera");
-        }
-        check_writable(stats)?;
+        let texts = [arguments.classification.tf.as_deref(), arguments.view.camera.as_deref()];
+        let others = outputs.iter().map(PathBuf::as_path).chain(texts.into_iter().flatten().map(Path::new));
+        check_output("--stats", stats, input.files().filter(|file| !file.is_dir()).chain(others))?;
     }
     let mut settings = arguments.look.settings(arguments.view.size, arguments.threads.unwrap_or_else(processors))?;
     settings.clip = arguments.view.clip;

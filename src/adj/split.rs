@@ -116,8 +116,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     if kept < arena.level_count() && !arguments.quiet {
         let number = if kept == 0 { "none".to_owned() } else { format!("{kept}") };
         print_note(&format!(
-            "note: of {} levels of detail, bricks keep {number}: their borders divide blocks of the others; borders at \
-             multiples of {} points along each axis keep all",
+            "note: of {} levels of detail, bricks keep {number}: borders divide blocks of the others, or a brick has one block \
+             along an axis; borders at multiples of {} points, with a last brick of more than half as many, keep all",
             arena.level_count(),
             1u32 << arena.level_count()
         ));

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::build::{LANES, TILE_ORDERS, check_replaceable, say_levels, stored_levels};
+use super::build::{LANES, TILE_ORDERS, check_adj_output, say_levels, stored_levels};
 use super::classification::ClassificationArguments;
 use super::info::is_adj;
 use super::progress::Progress;
@@ -106,7 +106,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         return Err(Error::input(arguments.input.display().to_string(), why));
     }
     let file = AdjFile::open(&arguments.input)?;
-    check_replaceable(&arguments.output)?;
+    check_adj_output(&arguments.output, [])?;
     let arena = file.arena()?;
     let crop = arguments.crop.map(|crop| crop.in_grid(arena.facts().grid.dims)).transpose()?;
     if !arguments.no_verify {

@@ -16,7 +16,8 @@ use adjsplat::file::AdjFile;
 
 /// Check .adj files and collections for damage: every checksum and every rule of the format
 ///
-/// Exit code 0: all are sound; 1: one is damaged, and the first broken rule is printed; 2: one could not be read.
+/// Exit code 0: all are sound; 1: one is damaged, and the first broken rule is printed; 2: one could not be read, such as a
+/// collection whose manifest breaks a rule. The others are checked all the same.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: adj verify head.adj")]
 pub(super) struct Arguments {
@@ -33,45 +34,52 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut answer = Answer::Yes;
-    let mut trouble = None;
+    let mut trouble: Option<Error> = None;
     for path in &arguments.files {
-        if Collection::is_at(path) {
-            if !check_collection(path, arguments.json)? {
-                answer = Answer::No;
-            }
-            continue;
-        }
-        let start = Instant::now();
-        let fault = match check(path, arguments.memory) {
-            Ok(bytes) => {
-                let rate = bytes as f64 / 1e9 / start.elapsed().as_secs_f64();
-                if !arguments.json {
-                    print_result(&format!("{}: sound ({bytes} bytes, {rate:.1} GB/s)", path.display()));
-                }
-                None
-            }
-            Err(Error::Format { fault, .. }) => Some(fault),
+        let found = match Collection::is_at(path) {
+            true => check_collection(path, arguments.json),
+            false => check_file(path, arguments),
+        };
+        match found {
+            Ok(true) => {}
+            Ok(false) => answer = Answer::No,
             Err(error) => {
+                if arguments.json {
+                    let report =
+                        json!({ "file": path.display().to_string(), "sound": null, "error": one_line(&error) });
+                    print_result(&report.to_string());
+                }
                 // The remaining files are still checked; the caller prints the last error.
                 if let Some(earlier) = trouble.replace(error) {
                     print_note(&one_line(&earlier));
                 }
-                continue;
             }
-        };
-        if arguments.json {
-            let report =
-                fault.as_ref().map(|f| json!({ "at": f.at, "rule": f.rule, "expected": f.expected, "got": f.got }));
-            let file = path.display().to_string();
-            print_result(&json!({ "file": file, "sound": fault.is_none(), "fault": report }).to_string());
-        } else if let Some(fault) = &fault {
-            print_result(&format!("{}: not sound: {fault}", path.display()));
-        }
-        if fault.is_some() {
-            answer = Answer::No;
         }
     }
     trouble.map_or(Ok(answer), Err)
+}
+
+/// Checks an .adj file, and prints what is wrong; returns whether it is sound.
+fn check_file(path: &Path, arguments: &Arguments) -> Result<bool> {
+    let start = Instant::now();
+    let (bytes, fault) = match check(path, arguments.memory) {
+        Ok(bytes) => (bytes, None),
+        Err(Error::Format { fault, .. }) => (0, Some(fault)),
+        Err(error) => return Err(error),
+    };
+    let file = path.display().to_string();
+    print_result(&match &fault {
+        _ if arguments.json => {
+            let report =
+                fault.as_ref().map(|f| json!({ "at": f.at, "rule": f.rule, "expected": f.expected, "got": f.got }));
+            json!({ "file": file, "sound": fault.is_none(), "fault": report }).to_string()
+        }
+        None => {
+            format!("{file}: sound ({bytes} bytes, {:.1} GB/s)", bytes as f64 / 1e9 / start.elapsed().as_secs_f64())
+        }
+        Some(fault) => format!("{file}: not sound: {fault}"),
+    });
+    Ok(fault.is_none())
 }
 
 /// Checks all bricks of a collection, and prints what is wrong; returns whether it is sound.

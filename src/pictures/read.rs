@@ -50,6 +50,13 @@ fn read_png(path: &Path) -> Result<Frame> {
     let mut decoder = png::Decoder::new(BufReader::new(file));
     decoder.set_transformations(png::Transformations::EXPAND);
     let mut reader = decoder.read_info().map_err(|fault| broken(path, fault))?;
+    if let Some(frames) = reader.info().animation_control().map(|control| control.num_frames).filter(|count| *count > 1)
+    {
+        return Err(Error::input(
+            path.display().to_string(),
+            format!("is an animation of {frames} frames; give one picture"),
+        ));
+    }
     let mut frame = frame(path, [reader.info().width, reader.info().height])?;
     let (colour, depth) = reader.output_color_type();
     let bytes = reader.output_buffer_size().ok_or_else(|| broken(path, "it is too large"))?;

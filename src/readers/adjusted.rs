@@ -1,5 +1,7 @@
 //! Volumes whose header is corrected (another slope, another place in the world), or whose values are labels.
 
+use std::path::PathBuf;
+
 use adjsplat::error::Result;
 use adjsplat::volume::{Header, Samples, SlabSource, StatedLabel};
 
@@ -47,6 +49,10 @@ impl SlabSource for AdjustedSource {
 
     fn notes(&self) -> &[String] {
         self.inner.notes()
+    }
+
+    fn data_files(&self) -> &[PathBuf] {
+        self.inner.data_files()
     }
 
     fn labels(&self) -> Option<&[StatedLabel]> {

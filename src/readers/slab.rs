@@ -101,7 +101,7 @@ impl SlabReader {
     pub(super) fn open(plan: SampleFiles) -> Result<Box<dyn SlabSource>> {
         plan.header.grid.check()?;
         let volume_samples = plan.header.grid.points();
-        check_volume(plan.volume_index, plan.volume_count)?;
+        let of_several = check_volume(plan.volume_index, plan.volume_count)?;
         let width = plan.header.sample_type.bytes() as u64;
         let first = plan.files.first().ok_or_else(|| Error::input("data files", "are none"))?;
         let whole = volume_samples.checked_mul(plan.volume_count);
@@ -130,7 +130,7 @@ impl SlabReader {
             let check = "if the picture looks wrong, check dimensions and type";
             format!("warning: {path}: {surplus} bytes after the samples ({described}) are not read{others}; {check}")
         });
-        let notes = Vec::from_iter(note);
+        let notes = of_several.into_iter().chain(note).collect();
         let (stream, left) = (None, 0);
         let mut reader =
             SlabReader { plan, file_samples, slices_read: 0, stream, left, file_index: 0, lost: false, notes };
@@ -234,6 +234,10 @@ impl SlabSource for SlabReader {
     fn notes(&self) -> &[String] {
         &self.notes
     }
+
+    fn data_files(&self) -> &[PathBuf] {
+        &self.plan.files
+    }
 }
 
 /// Checks that `slice` has the volume's size and type, and that there is a next slice to read into it.
@@ -259,10 +263,11 @@ pub(super) fn check_turn(header: &Header, slice: &Samples, slices_read: u32, los
     Ok(())
 }
 
-/// Checks that volume `index` is one of `count`.
-pub(super) fn check_volume(index: u64, count: u64) -> Result<()> {
+/// Checks that volume `index` is one of `count`; returns a note for the user if there are several.
+pub(super) fn check_volume(index: u64, count: u64) -> Result<Option<String>> {
     if index < count {
-        return Ok(());
+        let note = || format!("volume {index} of {count}, from 0, is read (`OpenOptions::volume_index` chooses)");
+        return Ok((count > 1).then(note));
     }
     let s = if count == 1 { "" } else { "s" };
     Err(Error::input("volume", format!("is {index}, but the file holds {count} volume{s}, counted from 0")))

@@ -2,6 +2,8 @@
 //!
 //! Cannot catch: a brick with other voxels than its box has (tests/core/collection.rs does).
 
+use serde_json::Value;
+
 use super::harness::{Folder, Runs as _};
 
 /// A file of a phantom, and a collection of it in eight bricks.
@@ -101,8 +103,29 @@ fn bricks_that_cannot_be_used_are_named_and_left_out_on_demand() {
     let at = flipped.len() - 300;
     flipped[at] ^= 1;
     std::fs::write(folder.file(BRICK), flipped).expect("it can be written");
-    folder.adj("join a.adjs -o b.adj").refused(&[&BRICK[7..], "R"]);
+    let ran = folder.adj("join a.adjs -o b.adj");
+    assert_eq!((ran.code, ran.stdout.as_str()), (Some(2), ""));
+    assert!(ran.stderr.contains(&BRICK[7..]) && ran.stderr.contains("1 of 8 bricks cannot be used"), "{}", ran.stderr);
     assert!(folder.adj("verify a.adjs").stdout.contains("1 of 8 bricks"));
+    let joined = folder.adj("join a.adjs -o b.adj --partial --json");
+    assert!(joined.stderr.contains(&BRICK[7..]), "{}", joined.stderr);
+    assert_eq!(joined.json()["bricks_left_out"], 1);
+    folder.adj("verify b.adj").done();
+}
+
+#[test]
+fn what_cannot_be_read_does_not_keep_verify_from_the_other_files() {
+    let folder = Folder::new();
+    split(&folder);
+    let manifest = String::from_utf8(bytes(&folder, "a.adjs/collection.json")).expect("text");
+    folder.write("a.adjs/collection.json", manifest.replace("\"lanes\": 3", "\"lanes\": 4").as_bytes());
+    let ran = folder.adj("verify gone.adj a.adjs a.adj");
+    assert_eq!(ran.code, Some(2));
+    assert!(ran.stderr.contains("gone.adj") && ran.stderr.contains("collection.json"), "{}", ran.stderr);
+    assert!(ran.stdout.starts_with("a.adj: sound"), "{}", ran.stdout);
+    let ran = folder.adj("verify gone.adj a.adjs a.adj --json");
+    let sound = |line: &str| serde_json::from_str::<Value>(line).expect("JSON")["sound"].clone();
+    assert_eq!(ran.stdout.lines().map(sound).collect::<Vec<_>>(), [Value::Null, Value::Null, Value::Bool(true)]);
 }
 
 #[test]
@@ -186,7 +209,9 @@ fn a_step_with_wrong_input_is_refused_and_writes_nothing() {
         .adj("brick scan plan.json 1 phantom:gyroid --dims 24x20x9 -o f.json")
         .refused(&["[24, 20, 9]", "[24, 20, 16]"]);
     folder.adj(&format!("brick scan plan.json 1 {volume} --type u16 -o f.json")).refused(&["another type or scale"]);
-    folder.adj(&format!("brick scan plan.json 1 {volume} -o plan.json")).refused(&["--output", "is an input too"]);
+    folder
+        .adj(&format!("brick scan plan.json 1 {volume} -o plan.json"))
+        .refused(&["--output", "another file of this call"]);
     folder.adj(&format!("brick scan found-0.json 1 {volume} -o f.json")).refused(&["found-0.json", "missing field"]);
     folder.adj(&format!("brick build plan.json 1 {volume} -o a.adjs")).refused(&["not agreed yet"]);
     folder.adj("brick agree plan.json found-0.json -o f.json").refused(&["scan brick 1 too"]);
@@ -239,7 +264,7 @@ fn parts_of_a_picture_composite_to_the_whole() {
     folder
         .adj("composite 1.exr small.exr -o b.exr")
         .refused(&["small.exr", "is 20x20, but the first picture is 60x50"]);
-    folder.adj("composite 1.exr 2.exr -o 2.exr").refused(&["2.exr", "is the output too"]);
+    folder.adj("composite 1.exr 2.exr -o 2.exr").refused(&["--output", "another file of this call"]);
     folder.adj("composite 1.exr no.exr -o b.exr").refused(&["no.exr"]);
     folder.adj("composite 1.exr 2.exr -o b.txt").refused(&["b.txt"]);
     folder.adj("render a.adjs --bricks --part 3/2 -o b.exr").refused(&["--part", "2/4"]);
@@ -318,11 +343,11 @@ fn an_output_does_not_replace_a_file_of_the_collection_that_is_read() {
     folder.adj("split a.adj -o slabs.adjs --slab 8 --preview 2").done();
     let brick = "slabs.adjs/brick-0-00000-00000-00000.adj";
     for own in [brick, "slabs.adjs/preview.adj", "slabs.adjs/collection.json"] {
-        folder.adj(&format!("join slabs.adjs -o {own}")).refused(&["--output", "is a file of the collection"]);
+        folder.adj(&format!("join slabs.adjs -o {own}")).refused(&["--output", "another file of this call"]);
         for flags in ["", "--bricks", "--preview"] {
             folder
                 .adj(&format!("render slabs.adjs {flags} --size 8x8 -o o.png --stats {own}"))
-                .refused(&["--stats", "is a file of the collection"]);
+                .refused(&["--stats", "another file of this call"]);
         }
     }
     folder.adj("verify slabs.adjs").done();
@@ -339,7 +364,7 @@ fn finishing_again_makes_a_whole_preview_though_its_parts_are_gone() {
         folder.adj(&format!("brick scan plan.json {brick} {volume} -o found-{brick}.json")).done();
     }
     folder.adj("brick agree plan.json found-0.json found-1.json found-2.json found-3.json -o agreed.json").done();
-    folder.adj("brick agree plan.json found-0.json -o plan.json").refused(&["--output", "is an input too"]);
+    folder.adj("brick agree plan.json found-0.json -o plan.json").refused(&["--output", "another file of this call"]);
     for brick in 0..4 {
         folder.adj(&format!("brick build agreed.json {brick} {volume} -o a.adjs")).done();
     }

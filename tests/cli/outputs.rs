@@ -53,17 +53,23 @@ fn the_volume_itself_is_never_overwritten() {
     folder.write("v.raw", &RAW);
     folder.write("v.adj", &RAW);
     let raw = "--dims 4x3x2 --type u8 --range 1..";
-    folder.build_refused(&format!("v.raw {raw} -o v.raw"), &["--output", "the volume itself"]);
-    folder.build_refused(&format!("v.raw {raw} -o ./v.raw"), &["the volume itself"]);
-    folder.build_refused(&format!("v.adj {raw} -o v.adj"), &["the volume itself"]);
+    folder.build_refused(&format!("v.raw {raw} -o v.raw"), &["--output", "another file of this call"]);
+    folder.build_refused(&format!("v.raw {raw} -o ./v.raw"), &["another file of this call"]);
+    folder.build_refused(&format!("v.adj {raw} -o v.adj"), &["another file of this call"]);
     // The file that a header names is as much the volume.
     folder.write("v.nhdr", b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 3 2\nencoding: raw\ndata file: v.raw\n\n");
-    folder.build_refused("v.nhdr --range 1.. -o v.raw", &["v.raw", "is no .adj file", "ends in .adj"]);
+    folder.build_refused("v.nhdr --range 1.. -o v.raw", &["--output", "another file of this call"]);
     #[cfg(unix)]
     {
         std::os::unix::fs::symlink("v.raw", folder.file("link")).expect("new");
-        folder.build_refused(&format!("v.raw {raw} -o link"), &["the volume itself"]);
+        folder.build_refused(&format!("v.raw {raw} -o link"), &["another file of this call"]);
     }
+    // Programs that write no .adj file cannot tell the volume from an old output.
+    folder.adj("raw v.nhdr -o v.raw").refused(&["--output", "another file of this call"]);
+    folder.adj("brick plan v.nhdr --range 1.. --slab 1 -o plan.json").done();
+    folder.adj("brick scan plan.json 0 v.nhdr -o v.nhdr").refused(&["--output", "another file of this call"]);
+    folder.adj("brick scan plan.json 0 v.nhdr -o v.raw").refused(&["--output", "another file of this call"]);
+    std::fs::remove_file(folder.file("plan.json")).expect("it is there");
     assert_eq!(std::fs::read(folder.file("v.raw")).expect("it is there"), RAW);
     assert_eq!(std::fs::read(folder.file("v.adj")).expect("it is there"), RAW);
     // An empty file costs nobody anything, and an .adj file may have any name.
@@ -168,6 +174,18 @@ fn without_an_output_the_file_lies_beside_the_volume_and_has_its_name() {
     folder.write("a.b.nrrd", &image);
     folder.adj("build a.b.nrrd --range 5..").done();
     assert_eq!(folder.names(), ["a.b.adj", "a.b.nrrd", "scans", "shells.adj"]);
+}
+
+/// The summary was in the pipe, too, after the file's bytes.
+#[test]
+#[cfg(unix)]
+fn a_file_that_goes_down_a_pipe_is_not_followed_by_words() {
+    let folder = Folder::new();
+    let words = format!("build {BUILD} /dev/stdout");
+    let ran = super::harness::program().current_dir(folder.path()).args(words.split(' ')).output().expect("it runs");
+    assert!(ran.status.success() && String::from_utf8_lossy(&ran.stderr).contains("/dev/stdout: "));
+    folder.adj(&format!("build {BUILD} a.adj")).done();
+    assert!(ran.stdout == std::fs::read(folder.file("a.adj")).expect("it is there"));
 }
 
 #[test]

@@ -19,6 +19,22 @@ const METHODS: [&str; 9] =
     ["adjsplat", "traditional", "unordered", "octree", "adjacency_a", "adjacency_b", "shell", "sorted", "bricks"];
 
 #[test]
+fn results_replace_neither_the_set_nor_each_other() {
+    let folder = Folder::new();
+    folder.adj("build phantom:shells --dims 16x16x16 -o a.adj").done();
+    let old = std::fs::read(folder.file("a.adj")).unwrap();
+    let refused = |line: &str, flag: &str| {
+        folder.adj(&format!("study {line}")).refused(&[flag, "another file of this call"]);
+    };
+    for study in ["memory", "walk", "speed", "cache", "layouts", "levels"] {
+        refused(&format!("{study} a.adj --json ./a.adj"), "--json");
+        refused(&format!("{study} a.adj --csv r.txt --json r.txt"), "--csv");
+    }
+    refused("cache a.adj --methods adjsplat --orders +z+y+x --trace a.adj", "--trace");
+    assert!(std::fs::read(folder.file("a.adj")).unwrap() == old && folder.names() == ["a.adj"]);
+}
+
+#[test]
 fn speed_has_a_row_for_every_method_projection_and_kind_of_run() {
     let folder = Folder::new();
     let line = "study speed phantom:shells --quick --edge 24 --size 80x60 --quiet --json s.json --csv s.csv --plot s.svg --plot s.png --figure5 f.svg";

@@ -314,7 +314,7 @@ fn bricks_keep_the_levels_that_no_border_divides_and_name_the_others() {
     assert!(bytes(&folder, "b.adj") == bytes(&folder, "a.adj"));
     let ran = folder.adj("split a.adj -o odd.adjs --slab 9");
     assert_eq!(ran.code, Some(0), "{}", ran.stderr);
-    let told = "of 2 levels of detail, bricks keep none: their borders divide blocks of the others; borders at multiples of 4 points";
+    let told = "of 2 levels of detail, bricks keep none: borders divide blocks of the others";
     assert!(ran.stderr.contains(told), "{}", ran.stderr);
     folder.adj("join odd.adjs -o c.adj").done();
     assert!(bytes(&folder, "c.adj") == bytes(&folder, "plain.adj"));

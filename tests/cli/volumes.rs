@@ -93,9 +93,37 @@ fn several_inputs_that_are_no_slices_are_refused() {
     folder.adj("build a.nrrd --range 1.. -o a.adj").done();
     folder.build_refused("a.nrrd b.nrrd --range 1.. -o out.adj", &["a.nrrd and 1 more: are no slices of one volume"]);
     folder.build_refused("a.nrrd sub --range 1.. -o out.adj", &["sub: is one of several inputs", "give one input"]);
-    folder.build_refused("a.nrrd a.adj --range 1.. -o out.adj", &["a.adj: is one of several inputs"]);
+    folder.build_refused("a.adj a.adj --range 1.. -o out.adj", &["are .adj files, which are no slices"]);
+    folder.adj("info a.adj --spacing 1x1x2").refused(&["--spacing", "is for volumes"]);
     folder.build_refused("*.tif --range 1.. -o out.adj", &["cannot open *.tif: no file matches"]);
     folder.build_refused("[*.tif --range 1.. -o out.adj", &["is no pattern"]);
+}
+
+/// What the first build writes beside the slices matches the pattern of the second.
+#[test]
+fn slices_are_built_again_by_the_same_pattern() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.file("head")).expect("new");
+    for number in 1..=3 {
+        folder.write(&format!("head/CT.{number}"), &RAW[..12]);
+    }
+    let build = "build head/CT.* --dims 4x3x3 --type u8 --range 1..";
+    folder.adj(build).done();
+    let ran = folder.adj(build);
+    assert!(ran.code == Some(0) && ran.stderr.contains("CT.adj is an .adj file, not a slice"), "{}", ran.stderr);
+}
+
+#[test]
+fn a_file_of_several_volumes_says_which_is_read() {
+    let folder = Folder::new();
+    let header = "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 3 1 2\nencoding: raw\n\n";
+    folder.write("a.nrrd", &[header.as_bytes(), &RAW].concat());
+    let ran = folder.adj("info a.nrrd --volume 1");
+    assert!(
+        ran.code == Some(0) && ran.stderr.contains("volume 1 of 2, from 0, is read (--volume chooses)"),
+        "{}",
+        ran.stderr
+    );
 }
 
 #[test]
@@ -293,7 +321,9 @@ fn a_dicom_folder_is_built_and_what_was_left_out_is_told() {
     folder.adj("build series --series 0 --range 100.. -o out.adj --quiet").done();
     folder.build_refused("series --series 1 --range 1.. -o new.adj", &["series", "no series \"1\"", "3 slices"]);
     folder.build_refused("series --level 1 --range 1.. -o new.adj", &["level", "only OME-Zarr"]);
-    folder.build_refused("phantom:noise --series 1 -o new.adj", &["--series", "DICOM"]);
+    folder.build_refused("phantom:noise --series 1 -o new.adj", &["--series", "a phantom"]);
+    folder.build_refused("phantom:noise --volume 1 -o new.adj", &["--volume", "a phantom"]);
+    folder.build_refused("phantom:noise --level 1 -o new.adj", &["--level", "a phantom"]);
     folder.write("v.raw", &RAW);
     folder.build_refused("v.raw --dims 4x3x2 --type u8 --series 1 --range 1.. -o new.adj", &["series", "DICOM"]);
     folder.build_refused(". --range 1.. -o new.adj", &["is a folder", "subfolders, such as series"]);

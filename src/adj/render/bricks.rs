@@ -1,12 +1,14 @@
 //! Draws collections: joined in memory or in a temporary file, or brick by brick.
 
-use super::super::Answer;
+use std::path::PathBuf;
+
 use super::super::flags::one_line;
-use super::super::join::{check_spared, open};
+use super::super::join::{files_of, open};
 use super::super::memory_shares::BoundedLanes;
 use super::super::progress::Progress;
 use super::super::renderer::Renderer;
 use super::super::stored::stored_transfer;
+use super::super::{Answer, check_output};
 use super::frames::draw_frames;
 use super::view::cameras;
 use super::{RenderJob, draw};
@@ -24,7 +26,7 @@ impl RenderJob<'_> {
         if arguments.preview {
             return self.draw_preview(settings);
         }
-        let collection = open(self.input.path(), arguments.partial)?;
+        let collection = open(self.input.path(), arguments.partial, false)?;
         self.check_stats(&collection)?;
         if arguments.bricks {
             return self.draw_bricks(&collection, settings);
@@ -71,7 +73,9 @@ impl RenderJob<'_> {
     }
 
     fn check_stats(&self, collection: &Collection) -> Result<()> {
-        self.arguments.stats.as_ref().map_or(Ok(()), |stats| check_spared(collection, "--stats", stats))
+        let others = files_of(collection);
+        let check = |stats: &PathBuf| check_output("--stats", stats, others.iter().map(PathBuf::as_path));
+        self.arguments.stats.as_ref().map_or(Ok(()), check)
     }
 
     fn draw_preview(&self, settings: Settings) -> Result<Answer> {

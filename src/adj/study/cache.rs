@@ -17,7 +17,7 @@ use super::sets::SetArguments;
 use super::{CODES, MethodArguments, each_set};
 use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::error::{Error, Result};
-use adjsplat::file::{check_writable, write_atomically_unless};
+use adjsplat::file::write_atomically_unless;
 use adjsplat::traverse::Order;
 use adjsplat_study::any_walk::AnyWalk;
 use adjsplat_study::baselines::{Method, Viewing, Walker as _};
@@ -132,9 +132,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     if arguments.trace.is_some() || arguments.counters {
         arguments.only()?;
     }
-    arguments.output.check()?;
+    let more = [("--curves", arguments.curves.as_slice()), ("--trace", arguments.trace.as_slice())];
+    arguments.output.check(arguments.sets.files(), &more)?;
     check_plots(&arguments.curves)?;
-    arguments.trace.as_deref().map_or(Ok(()), check_writable)?;
 
     let mut tables = CacheTables::new(&geometry);
     let structures = arguments.structures();

@@ -56,7 +56,7 @@ struct LayoutFigures {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let Orders(orders) = &arguments.orders;
-    arguments.output.check()?;
+    arguments.output.check(arguments.sets.files(), &[])?;
     let mut report = table_of(
         "set layout bytes_per_visible exact_orders l1_mean l1_worst l2_mean l2_worst l3_mean tlb_mean ns_mean \
          ns_worst times_bytes times_l1 times_l2 times_ns",

@@ -47,7 +47,7 @@ const COLUMNS: &str =
     "set pixels_a_voxel drawn levels ms times_faster least voxels_walked lane_bytes db times_fewer added_percent";
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    arguments.output.check()?;
+    arguments.output.check(&arguments.files, &[])?;
     if arguments.zoom {
         return run_zoom(arguments);
     }

@@ -32,7 +32,7 @@ const SHARES: [f64; 8] = [0.02, 0.06, 0.1, 0.14, 0.18, 0.22, 0.26, 0.3];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let methods = arguments.methods.chosen();
-    arguments.output.check()?;
+    arguments.output.check(arguments.sets.files(), &[])?;
     let mut report =
         table_of("set method visible_voxels bytes bytes_per_visible scratch_bytes formula_bytes times_ours");
     each_set(&arguments.sets, arguments.sets.list()?, arguments.output.quiet, |subject, go_on| {

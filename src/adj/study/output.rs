@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::super::progress::interrupted;
-use super::super::{Answer, print_result};
+use super::super::{Answer, check_output, print_result};
 use adjsplat::error::{Error, Result};
-use adjsplat::file::{check_writable, write_atomically_unless};
+use adjsplat::file::write_atomically_unless;
 use adjsplat_study::report::Report;
 use adjsplat_study::report::plot::Plot;
 
@@ -30,10 +30,17 @@ pub(super) struct OutputArguments {
 }
 
 impl OutputArguments {
-    /// Checks, before long work, that the files can be written.
-    pub(super) fn check(&self) -> Result<()> {
-        check_plots(&self.plot)?;
-        self.json.iter().chain(&self.csv).try_for_each(|path| check_writable(path))
+    /// Checks, before long work, that these files and `more` can be written, and that each is a file of its own and no input.
+    pub(super) fn check<'a>(&'a self, inputs: &'a [PathBuf], more: &[(&str, &'a [PathBuf])]) -> Result<()> {
+        let own = [("--json", self.json.as_slice()), ("--csv", self.csv.as_slice()), ("--plot", &self.plot)];
+        let mut others: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
+        for (flag, paths) in own.iter().chain(more) {
+            for path in *paths {
+                check_output(flag, path, others.iter().copied())?;
+                others.push(path);
+            }
+        }
+        check_plots(&self.plot)
     }
 
     /// Writes the files and prints a table of `columns` (of all columns if the list is empty).
@@ -55,7 +62,7 @@ impl OutputArguments {
     }
 }
 
-/// Checks that plots can be drawn and written.
+/// Checks that plots can be drawn.
 pub(in super::super) fn check_plots(paths: &[PathBuf]) -> Result<()> {
     for path in paths {
         if !adjsplat_study::CAN_PLOT {
@@ -65,7 +72,6 @@ pub(in super::super) fn check_plots(paths: &[PathBuf]) -> Result<()> {
         if !ends_in(path, "svg") && !ends_in(path, "png") {
             return Err(Error::input(path.display().to_string(), "is no name of a plot; end it in .svg or .png"));
         }
-        check_writable(path)?;
     }
     Ok(())
 }

@@ -186,6 +186,11 @@ pub(super) enum SetInput {
 }
 
 impl SetArguments {
+    /// Returns the paths of the sets that the user names.
+    pub(super) fn files(&self) -> &[PathBuf] {
+        &self.sets
+    }
+
     /// Returns these arguments with `edge` as the default of `--edge`.
     pub(super) fn with_edge(&self, edge: u16) -> SetArguments {
         SetArguments { edge: self.edge.or(Some(edge)), ..self.clone() }

@@ -42,7 +42,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let methods = arguments.methods.chosen();
     let frames = arguments.frames.unwrap_or(if arguments.sets.quick { 2 } else { 36 });
     let options = SpeedOptions { size: arguments.size, frames, elevation: 20.0, fov: 30.0, methods: methods.clone() };
-    arguments.output.check()?;
+    arguments.output.check(arguments.sets.files(), &[("--figure5", &arguments.figure5)])?;
     check_plots(&arguments.figure5)?;
     let mut report = table_of(
         "set method projection displaying visible_voxels splats fps ms ns_per_visible walk_ns_per_visible build_ms \

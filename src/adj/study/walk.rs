@@ -50,7 +50,7 @@ const READINGS: [(&str, Reading, &str); 2] = [
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let methods = arguments.methods.chosen();
-    arguments.output.check()?;
+    arguments.output.check(arguments.sets.files(), &[])?;
     let mut report = table_of("set method visible_voxels ns_geometric_mean ns_median ns_worst times_ours");
     let mut names = Vec::new();
     let mut series: Vec<PlotSeries> =

@@ -93,29 +93,27 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let resolution = pages.resolution()?;
     let first = pages.shape()?;
     let volume = u64::from(options.volume_index);
+    let volumes = match &description {
+        Description::Plain => 1,
+        Description::ImageJ(imagej) => imagej.volumes(),
+        Description::Ome(ome) => ome.volumes(),
+    };
+    let note = check_volume(volume, volumes)?;
     let (places, shape): (Vec<SliceLocation>, PageShape) = match &description {
         Description::ImageJ(imagej) if listed.count == 1 && imagej.images > 1 => {
-            check_volume(volume, imagej.volumes())?;
             let start = pages.contiguous(&first, imagej.images)?;
             let numbers = imagej.pages(path, imagej.images, volume)?;
             (numbers.into_iter().map(|page| SliceLocation::Bytes(start + page * first.bytes())).collect(), first)
         }
         description => {
             let numbers = match description {
-                Description::Plain => {
-                    check_volume(volume, 1)?;
-                    listed.full
-                }
+                Description::Plain => listed.full,
                 Description::ImageJ(imagej) => {
                     let count = listed.full.len() as u64;
-                    check_volume(volume, imagej.volumes())?;
                     let chosen = imagej.pages(path, count, volume)?;
                     chosen.into_iter().map(|page| listed.full[usize::try_from(page).unwrap_or(0)]).collect()
                 }
-                Description::Ome(ome) => {
-                    check_volume(volume, ome.volumes())?;
-                    ome.pages(path, listed.count, volume)?
-                }
+                Description::Ome(ome) => ome.pages(path, listed.count, volume)?,
             };
             check_slices(path, numbers.len())?;
             let first = numbers[0];
@@ -128,7 +126,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
             (numbers.into_iter().map(|page| SliceLocation::Page { file: 0, page }).collect(), shape)
         }
     };
-    finish(path, vec![path.to_path_buf()], places, shape, options, &(description, resolution))
+    finish(path, vec![path.to_path_buf()], places, shape, options, &(description, resolution), note)
 }
 
 /// Opens `files`, each of which has one page, as the slices of one volume; `folder` is the folder that holds them.
@@ -164,7 +162,7 @@ pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptio
         places.push(SliceLocation::Page { file, page: listed.full[0] });
     }
     match first {
-        Some((shape, told)) => finish(folder, files, places, shape, options, &told),
+        Some((shape, told)) => finish(folder, files, places, shape, options, &told, None),
         None => Err(Error::input(folder.display().to_string(), "holds no TIFF files")),
     }
 }
@@ -177,6 +175,7 @@ fn finish(
     shape: PageShape,
     options: &OpenOptions,
     told: &(Description, Resolution),
+    note: Option<String>,
 ) -> Result<Box<dyn SlabSource>> {
     let (description, resolution) = told;
     let dims = [shape.width.into(), shape.height.into(), places.len() as u64];
@@ -190,7 +189,7 @@ fn finish(
         name: file_name(path),
         format: description.format(),
     };
-    Ok(Box::new(TiffReader::new(header, files, places, shape)?))
+    Ok(Box::new(TiffReader::new(header, files, places, shape, note)?))
 }
 
 /// Returns an error if there are more slices than an axis may have.

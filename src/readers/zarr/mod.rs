@@ -30,7 +30,7 @@ use super::format::is_zarr;
 use super::frame::{FileFrame, IDENTITY, World};
 use super::nifti;
 use super::open::{OpenOptions, file_name};
-use super::slab::{Endian, check_turn};
+use super::slab::{Endian, check_turn, check_volume};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::obtainable;
 use adjsplat::volume::{Header, Samples, SlabSource};
@@ -71,7 +71,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let (frame, slope, intercept) = place(&found.path, &array, &axes, found.image.as_ref(), level)?;
     let dims = axes.space.map(|dimension| dimension.map_or(1, |dimension| array.shape[dimension]));
     let grid = frame.grid(&array.path, "Zarr grid", dims, options.spacing)?;
-    let index = axes.volume(&array, options.volume_index.into())?;
+    let index = axes.volume(&array, options.volume_index.into(), &mut notes)?;
     let format = if found.image.is_some() { "OME-Zarr" } else { "Zarr" };
     let header = Header { grid, sample_type: array.sample_type, slope, intercept, name: file_name(path), format };
     Ok(Box::new(ZarrReader::new(header, array, axes.space, index, notes)?))
@@ -173,7 +173,7 @@ impl ArrayAxes {
     }
 
     /// Returns the index along each dimension at which volume `number` lies; 0 along x, y, z.
-    fn volume(&self, array: &ZarrArray, number: u64) -> Result<Vec<u64>> {
+    fn volume(&self, array: &ZarrArray, number: u64, notes: &mut Vec<String>) -> Result<Vec<u64>> {
         let counts = self.volume_dimensions.iter().map(|(dimension, _)| array.shape[*dimension]);
         let count = counts.fold(1, u64::saturating_mul);
         if number >= count {
@@ -190,6 +190,7 @@ impl ArrayAxes {
                 format!("is {number}, but the array holds {count} {volumes}{axes}, counted from 0"),
             ));
         }
+        notes.extend(check_volume(number, count)?);
         let mut index = vec![0; array.shape.len()];
         let mut remaining = number;
         for (dimension, _) in self.volume_dimensions.iter().rev() {

@@ -62,7 +62,7 @@ const FAMILIES: [Choice<Family>; 10] = [
 ];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    arguments.output.check()?;
+    arguments.output.check(arguments.sets.files(), &[])?;
     if arguments.popping {
         popping::run(arguments)
     } else if arguments.model {
