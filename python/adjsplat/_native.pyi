@@ -141,6 +141,7 @@ class Collection:
     def join(
         self,
         path: str,
+        verify: bool,
         memory: int | None,
         threads: int | None,
         progress: Callable[[str, int, int], Any] | None,

@@ -37,8 +37,9 @@ class Brick(NamedTuple):
 class Collection:
     """An open collection `NAME.adjs`: a folder of bricks, each an .adj file of its own, and a manifest.
 
-    Raises `OSError` if there is none, and `ValueError` that names the first brick that is missing, damaged or of another
-    build. With `partial=True` such bricks are left out, and `faults` names them.
+    Opening reads the manifest and the bricks' headers. It raises `OSError` if there is none, and `ValueError` that names the
+    first brick that is missing, cut or of another build. With `partial=True` such bricks are left out, and `faults` names
+    them. Damage behind a brick's header is found by `verify` and `join`, which read every byte.
 
     >>> bricks = adj.split(f, "engine.adjs", slab=16)
     >>> bricks.shape, len(bricks.bricks)
@@ -82,7 +83,7 @@ class Collection:
 
     @property
     def faults(self) -> list[str]:
-        """What is wrong with bricks and the preview, a line for each; empty if all can be used."""
+        """What opening found wrong with bricks and the preview, a line for each; `verify` checks every byte."""
         return self._native.faults
 
     @property
@@ -104,13 +105,19 @@ class Collection:
         self,
         out: str | os.PathLike[str],
         *,
+        verify: bool = True,
         memory: int | str | None = None,
         threads: int | None = None,
         progress: Callable[[str, int, int], Any] | None = None,
     ) -> Model:
-        """Joins the bricks to the .adj file that one build of the whole volume makes, byte for byte, and opens it."""
+        """Joins the bricks to the .adj file that one build of the whole volume makes, byte for byte, and opens it.
+
+        Raises `FormatError` that names the first brick that is damaged. `verify=False` does not check them: it is faster,
+        but damage may pass into the file.
+        """
         path = output_path(out)
-        return Model(self._native.join(path, byte_count(memory), thread_count(threads), progress), path)
+        limits = byte_count(memory), thread_count(threads)
+        return Model(self._native.join(path, bool(verify), *limits, progress), path)
 
     def render(self, *view: Any, transfer: Any = None, **look: Any) -> np.ndarray:
         """Draws a picture brick by brick; the arguments are those of `Renderer.render`.
@@ -213,6 +220,7 @@ def split(
     brick: Sequence[int] | None = None,
     partition: str = "z",
     preview: int | None = None,
+    verify: bool = True,
     memory: int | str | None = None,
     threads: int | None = None,
 ) -> Collection:
@@ -225,13 +233,19 @@ def split(
     keep the levels of detail whose blocks no border divides: with borders at multiples of 8 points, three or more. If these
     are all that the file has, `Collection.join` makes the same file of it again, byte for byte.
 
+    Raises `FormatError` if the model is damaged. `verify=False` does not check it: it is faster, but damage may pass into
+    the bricks.
+
     >>> adj.split(f, "cubes.adjs", brick=(32, 32, 32)).count == f.count
     True
     """
     model = f if isinstance(f, Model) else open(f)
     sizes = brick_sizes(slab, brick, partition)
+    path, step = path_in_folder(out), preview_step(preview)
     limits = (byte_count(memory), thread_count(threads))
-    _native.split(model._open, path_in_folder(out), sizes, preview_step(preview), *limits)
+    if verify:
+        model.verify()
+    _native.split(model._open, path, sizes, step, *limits)
     return Collection(out)
 
 

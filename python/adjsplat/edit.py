@@ -76,11 +76,15 @@ class Edit:
         path: str | os.PathLike[str],
         *,
         levels: int | str | None = None,
+        verify: bool = True,
         memory: int | str | None = None,
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> Model:
         """Writes the edited voxels to the file `path`, whole or not at all, and opens it; arguments are those of `build`.
+
+        Raises `FormatError` if the model is damaged. `verify=False` does not check it: it is faster, but damage may pass
+        into the file.
 
         Levels of detail are made if `levels` asks for them, as in `build`. Those of the model's file are of the voxels
         before the edit: they are left out, with a `BuildWarning`.
@@ -92,6 +96,8 @@ class Edit:
         native = self._model._open
         wanted = level_count(levels)
         resources = byte_count(memory), thread_count(threads)
+        if verify:
+            self._model.verify()
         saved, left_out = _native.save_edited(native, path, self._steps, wanted, resources, progress)
         if left_out and levels is None:
             note = f"the {left_out} levels of detail of the file are left out; levels={left_out} makes them anew"

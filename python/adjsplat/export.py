@@ -38,7 +38,11 @@ class ExportWarning(UserWarning):
 
 
 def write(
-    model: Model, path: str | os.PathLike[str], fill: float | None, progress: Callable[[str, int, int], Any] | None
+    model: Model,
+    path: str | os.PathLike[str],
+    fill: float | None,
+    verify: bool,
+    progress: Callable[[str, int, int], Any] | None,
 ) -> ExportReport:
     out = path_in_folder(path)
     if model.path is not None and os.path.exists(out) and os.path.samefile(model.path, out):
@@ -47,6 +51,8 @@ def write(
         fill = None if fill is None else float(fill)
     except OverflowError:
         raise ValueError("fill is beyond all sample types") from None
+    if verify:
+        model.verify()
     voxels, nbytes, name, filled, rounding, notes = _native.export(model._open, out, fill, progress)
     for note in notes:
         if note.startswith("warning: "):

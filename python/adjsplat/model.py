@@ -23,9 +23,11 @@ if TYPE_CHECKING:
 def open(path: str | os.PathLike[str], *, mapped: bool = True) -> Model:
     """Opens an .adj file. It is mapped, not read: this takes microseconds, whatever its size.
 
-    Raises `OSError` if there is no such file, and `FormatError` (with `offset` and `rule`) if it is damaged. Nobody may
-    shorten or change a mapped file in place; replacing it by another of its name is safe. `mapped=False` reads the file
-    into memory instead, for places where that cannot be promised.
+    Raises `OSError` if there is no such file, and `FormatError` (with `offset` and `rule`) if its header is damaged;
+    `Model.verify` checks every byte. Nobody may shorten or change a mapped file in place; replacing it by another of its
+    name is safe. `mapped=False` reads the file into memory instead, for places where that cannot be promised.
+
+    A collection (`NAME.adjs`) is verified and joined in memory, which reads every byte of its bricks.
 
     >>> with adj.open("engine.adj") as f:
     ...     print(f.shape, f.count)
@@ -34,8 +36,10 @@ def open(path: str | os.PathLike[str], *, mapped: bool = True) -> Model:
     path = os.path.abspath(os.fsdecode(path))
     if mapped:
         return Model(_native.Model.open(path), path)
-    # Opened as a map first: it refuses pipes and folders, and names the file in its errors.
-    _native.Model.open(path)
+    # Opened as a map first: it refuses pipes and names the file in its errors. A collection is in memory then.
+    native = _native.Model.open(path)
+    if os.path.isdir(path):
+        return Model(native, path)
     with builtins.open(path, "rb") as file:
         return Model(_native.Model.from_bytes(file.read()), path)
 
@@ -102,13 +106,16 @@ class Model(Voxels):
         """Checks every rule of the format, checksums included; raises `FormatError` at the first broken one."""
         self._open.verify(self._path or "memory")
 
-    def save(self, path: str | os.PathLike[str]) -> Model:
+    def save(self, path: str | os.PathLike[str], *, verify: bool = True) -> Model:
         """Writes the model to a file, whole or not at all, and opens it.
 
+        Raises `FormatError` if the model is damaged. `verify=False` does not check it: it is faster, but copies damage.
         The file says which values the build stored, and so it keeps the transfer function of the build. The model that is
         returned is drawn with the same function as this one.
         """
         path = output_path(path)
+        if verify:
+            self.verify()
         self._open.save(path)
         return with_look_of(open(path), self)
 
@@ -160,6 +167,7 @@ class Model(Voxels):
         path: str | os.PathLike[str],
         *,
         fill: float | None = None,
+        verify: bool = True,
         progress: Callable[[str, int, int], Any] | None = None,
     ) -> ExportReport:
         """Writes the visible voxels for other tools: a file, or a folder for .zarr, whole or not at all.
@@ -169,12 +177,14 @@ class Model(Voxels):
         default a value that the transfer function hides. Memory holds a few slices. docs/export.md says what each format
         keeps and loses.
 
-        Raises `ValueError` if the ending is unknown or the format cannot hold the voxels, `OSError` if writing fails.
+        Raises `ValueError` if the ending is unknown or the format cannot hold the voxels, `OSError` if writing fails, and
+        `FormatError` if the model is damaged. `verify=False` does not check it: it is faster, but damage may pass into the
+        file.
 
         >>> f.export("engine.nii.gz").dtype
         dtype('uint8')
         """
-        return export.write(self, path, fill, progress)
+        return export.write(self, path, fill, verify, progress)
 
     # --- Editing
 

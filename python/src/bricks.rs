@@ -201,11 +201,12 @@ impl Collection {
         py.detach(|| self.0.check().iter().map(ToString::to_string).collect())
     }
 
-    /// Joins the bricks to a file and opens it.
+    /// Joins the bricks to a file and opens it; with `verify`, every byte of the bricks is checked first.
     fn join(
         &self,
         py: Python<'_>,
         path: PathBuf,
+        verify: bool,
         memory: Option<u64>,
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
@@ -214,6 +215,9 @@ impl Collection {
         let raised = crate::watch::Raised::default();
         let mut watch = Watch::new(progress, raised.clone());
         let joined = py.detach(|| {
+            if verify {
+                check_bricks(&self.0)?;
+            }
             self.0.join(&path, memory, threads, &mut watch)?;
             adjsplat::Model::open(&path)
         });
@@ -274,6 +278,14 @@ impl Collection {
             _ => Ok(None),
         }
     }
+}
+
+/// Checks every byte of every brick.
+///
+/// # Errors
+/// [`Error::Format`] that names the first brick that is damaged.
+pub(crate) fn check_bricks(collection: &collection::Collection) -> adjsplat::Result<()> {
+    collection.bricks().iter().try_for_each(|brick| brick.check().map(drop))
 }
 
 /// Splits a model in the new folder `path` into bricks, for each partition of at most so many points (x, y, z).

@@ -3,12 +3,14 @@
 use std::path::PathBuf;
 
 use adjsplat::arena::Arena;
+use adjsplat::collection::Collection;
 use adjsplat::error::Error;
 use adjsplat::volume::{Axis, Grid};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
+use crate::bricks::check_bricks;
 use crate::errors::exception;
 use crate::transfer::parsed;
 
@@ -48,10 +50,16 @@ pub(crate) fn axis(name: &str) -> PyResult<Axis> {
 
 #[pymethods]
 impl Model {
-    /// Maps an .adj file.
+    /// Maps an .adj file; or joins a collection in memory, whose bricks are checked first: joined, damage would look sound.
     #[staticmethod]
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Model> {
-        py.detach(|| adjsplat::Model::open(path)).map(Model::of).map_err(exception)
+        let opened = py.detach(|| {
+            if path.is_dir() {
+                check_bricks(&Collection::open(&path)?)?;
+            }
+            adjsplat::Model::open(path)
+        });
+        opened.map(Model::of).map_err(exception)
     }
 
     /// Takes the bytes of an .adj file.

@@ -141,6 +141,42 @@ def test_damaged_files_raise_or_give_something(file, tmp_path):
     assert opened > 100
 
 
+def flip_a_bit(path):
+    """Changes a bit of a value's code in an .adj file; its header stays."""
+    content = bytearray(path.read_bytes())
+    content[content.find(adj.open(path).lanes["x"].values.tobytes())] ^= 1
+    path.write_bytes(content)
+
+
+WRITERS = {
+    "split": lambda f, folder, **options: adj.split(f, folder / "a.adjs", slab=8, **options),
+    "save": lambda f, folder, **options: f.save(folder / "a.adj", **options),
+    "edit": lambda f, folder, **options: f.edit().remove([[0, 0, 0]]).save(folder / "a.adj", **options),
+    "export": lambda f, folder, **options: f.export(folder / "a.nii", **options),
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_damaged_file_is_not_written_on_as_a_sound_one(name, file, tmp_path):
+    flip_a_bit(file)
+    with pytest.raises(adj.FormatError, match="blob.adj.*R12"):
+        WRITERS[name](adj.open(file), tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["blob.adj"]
+    assert WRITERS[name](adj.open(file), tmp_path, verify=False)
+
+
+def test_damaged_bricks_are_not_joined(file, tmp_path):
+    bricks = adj.split(adj.open(file), tmp_path / "a.adjs", slab=8)
+    flip_a_bit(tmp_path / "a.adjs" / bricks.bricks[1].file)
+    damaged = adj.Collection(tmp_path / "a.adjs")
+    assert damaged.faults == [] and len(damaged.verify()) == 1
+    for join in (lambda: damaged.join(tmp_path / "b.adj"), lambda: adj.open(tmp_path / "a.adjs")):
+        with pytest.raises(adj.FormatError) as caught:
+            join()
+        assert caught.value.path.endswith(bricks.bricks[1].file)
+    assert damaged.join(tmp_path / "b.adj", verify=False).count == bricks.count
+
+
 def test_frozen_files_that_must_be_refused_are():
     refused = sorted((REPOSITORY / "formats" / "examples").glob("x-*.adj"))
     assert refused
