@@ -43,7 +43,7 @@ def build(
 
     `array` is an array, a `VolumeFile`, or what that takes. `slab`, `brick` and `options` are those of
     `adjsplat.dask.build`. A rank that fails ends the build on all ranks, which then raise RuntimeError with its message;
-    nothing is left.
+    nothing is left. So does one that is interrupted (Ctrl-C, `sys.exit`): it raises that itself, the others RuntimeError.
     """
     comm = _world() if comm is None else comm
     path = _together(comm, lambda: path_in_folder(os.fsdecode(out).rstrip("/")))
@@ -146,12 +146,21 @@ def _world() -> Any:
 
 
 def _together(comm: Any, step: Callable[..., Any], *arguments: Any) -> Any:
-    """Does a step on every rank; if it fails on one, all raise what the first of them says."""
+    """Does a step on every rank; if it fails on one, all raise what the first of them says.
+
+    A rank that was interrupted (Ctrl-C, `sys.exit`) tells the others, which would wait for it for ever, and then ends.
+    """
+    result, text = None, None
+    failure: BaseException | None = None
     try:
-        result, failure = step(*arguments), None
+        result = step(*arguments)
     except Exception as error:
-        result, failure = None, error
-    failures = comm.allgather(None if failure is None else str(failure) or type(failure).__name__)
+        failure, text = error, str(error) or type(error).__name__
+    except BaseException as error:
+        failure, text = error, type(error).__name__
+    failures = comm.allgather(text)
+    if failure is not None and not isinstance(failure, Exception):
+        raise failure
     first = next((rank for rank, text in enumerate(failures) if text is not None), None)
     if first is not None:
         raise RuntimeError(f"rank {first}: {failures[first]}") from failure

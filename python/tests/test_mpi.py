@@ -80,6 +80,41 @@ def test_a_rank_that_fails_ends_all_with_its_message(tmp_path):
     assert ran.returncode == 0 and brick in ran.stderr and (tmp_path / "a.png").exists()
 
 
+INTERRUPTED = """
+import sys
+import numpy as np
+import adjsplat.mpi
+from mpi4py import MPI
+
+rank = MPI.COMM_WORLD.rank
+
+class Array:
+    shape, dtype, reads = (24, 20, 20), np.dtype("u1"), 0
+
+    def __getitem__(self, key):
+        self.reads += 1
+        if rank == 1 and self.reads == int(sys.argv[2]):
+            raise {"exit": SystemExit(3), "interrupt": KeyboardInterrupt()}[sys.argv[1]]
+        return np.full(self.shape, 100, np.uint8)[key]
+
+try:
+    adjsplat.mpi.build(Array(), "a.adjs", slab=4, visible=(60, None))
+except BaseException as error:
+    with open(f"rank-{rank}", "w") as file:
+        file.write(f"{type(error).__name__}: {error}")
+"""
+
+
+@pytest.mark.parametrize(("how", "name"), [("exit", "SystemExit"), ("interrupt", "KeyboardInterrupt")])
+@pytest.mark.parametrize("read", [1, 4])
+def test_an_interrupted_rank_ends_all(how, name, read, tmp_path):
+    command = ["mpirun", "--oversubscribe", "-n", "3", sys.executable, "-c", INTERRUPTED, how, str(read)]
+    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=os.environ | ALLOWED, timeout=60)
+    told = {path.name: path.read_text().split(":", 1) for path in tmp_path.iterdir()}
+    assert told["rank-1"][0] == name and sorted(told) == ["rank-0", "rank-1", "rank-2"], ran.stderr
+    assert told["rank-0"] == told["rank-2"] == ["RuntimeError", f" rank 1: {name}"]
+
+
 def test_the_commands_of_the_page_on_clusters_run(tmp_path):
     np.save(tmp_path / "volume.npy", blob((100, 90, 80), np.int16) * 5)
     page = (REPOSITORY / "docs/clusters.md").read_text()
