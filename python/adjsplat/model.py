@@ -41,7 +41,7 @@ def open(path: str | os.PathLike[str], *, mapped: bool = True) -> Model:
     if os.path.isdir(path):
         return Model(native, path)
     with builtins.open(path, "rb") as file:
-        return Model(_native.Model.from_bytes(file.read()), path)
+        return Model(_native.Model.from_bytes(file.read()), path, mapped=False)
 
 
 class Model(Voxels):
@@ -51,13 +51,15 @@ class Model(Voxels):
     and napari. `spacing`, `origin` and `direction` are ordered (x, y, z), as in SimpleITK; where the volume's file names
     an anatomical frame, the world's axes are R, A, S, as in NIfTI (SimpleITK's are L, P, S: `to_sitk` converts).
 
-    A model never changes. Threads may share it; another process that unpickles it opens the file by itself. After
-    `close`, everything raises `ValueError`, except that arrays which were handed out stay valid.
+    A model never changes. Threads may share it, and copies by the module `copy` are the model itself; another process that
+    unpickles it opens the file by itself. After `close`, everything raises `ValueError`, except that arrays which were
+    handed out stay valid.
     """
 
-    def __init__(self, native: _native.Model, path: str | None):
+    def __init__(self, native: _native.Model, path: str | None, *, mapped: bool = True):
         self._native: _native.Model | None = native
         self._path = path
+        self._mapped = mapped
         self._attrs: Mapping[str, Any] | None = None
 
     @property
@@ -149,8 +151,7 @@ class Model(Voxels):
         >>> f.with_transfer(adj.TransferFunction.range(150)).transfer.kind
         'range'
         """
-        model = Model(self._open.with_transfer(as_transfer(transfer).to_json()), self._path)
-        return model
+        return Model(self._open.with_transfer(as_transfer(transfer).to_json()), self._path, mapped=self._mapped)
 
     def missing_values(self, transfer: Any) -> list[tuple[float, float]]:
         """Returns the ranges (lowest, highest) of values that `transfer` shows and the build left out.
@@ -194,9 +195,15 @@ class Model(Voxels):
 
         return Edit(self)
 
+    def __copy__(self) -> Model:
+        return self
+
+    def __deepcopy__(self, _: Any) -> Model:
+        return self
+
     def __reduce__(self) -> tuple[Any, ...]:
         if self._path is not None:
-            return _reopened, (self._path, self._open.transfer)
+            return _reopened, (self._path, self._open.transfer, self._mapped)
         return _loaded, (self._open.to_bytes(), self._open.transfer)
 
     def __repr__(self) -> str:
@@ -212,8 +219,8 @@ def with_look_of(model: Model, other: Model) -> Model:
     return _with_text(model, other._open.transfer)
 
 
-def _reopened(path: str, transfer: str) -> Model:
-    return _with_text(open(path), transfer)
+def _reopened(path: str, transfer: str, mapped: bool) -> Model:
+    return _with_text(open(path, mapped=mapped), transfer)
 
 
 def _loaded(data: bytes, transfer: str) -> Model:
