@@ -153,8 +153,9 @@ class TransferFunction:
         """Takes the colours of a matplotlib colour map, spread over `clim`, the values (lowest, highest).
 
         `opacity` runs over the same values: "linear", "geom" (the square) or "sigmoid", each also with "_r" behind it for
-        the reverse; a number; or a list of numbers from 0 to 1, interpolated. Values below `clim` are transparent, and
-        opacities below 1/255 count as 0, so that the file does not store them; values above look like the highest.
+        the reverse; a number; or a list of numbers from 0 to 1, evenly spread and interpolated. Values below `clim` are
+        transparent, and opacities below 1/255 count as 0, so that the file does not store them; values above look like the
+        highest.
 
         >>> magma = TransferFunction.from_matplotlib("magma", (100, 200), opacity="linear")
         >>> magma.opacity([99, 150, 300]).round(3).tolist()
@@ -167,6 +168,9 @@ class TransferFunction:
         if not 2 <= samples <= 4096:
             raise ValueError(f"samples are {samples}, but must be 2 to 4096")
         share = np.linspace(0, 1, samples)
+        if not isinstance(opacity, str) and (count := np.size(opacity)) > 1:
+            # The list's own points too: between the samples it may have peaks.
+            share = np.union1d(share, np.linspace(0, 1, count))
         opacities = _opacities(opacity, share)
         opacities[opacities < FAINT] = 0.0
         if isinstance(cmap, str) and cmap not in colormaps:

@@ -77,6 +77,15 @@ def test_colour_maps_of_matplotlib(opacity):
     assert TransferFunction.from_matplotlib(matplotlib.colormaps["magma"], (100, 200), opacity=opacity) == f
 
 
+def test_a_peak_in_a_list_of_opacities_stays():
+    pytest.importorskip("matplotlib")
+    for count in (5, 64, 200, 1000):
+        opacities = np.zeros(count)
+        opacities[count // 3] = 1
+        f = TransferFunction.from_matplotlib("magma", (0, count - 1), opacity=list(opacities))
+        assert np.abs(f.opacity(np.arange(count)) - opacities).max() < 1e-9
+
+
 @pytest.mark.parametrize(
     ("make", "error"),
     [
