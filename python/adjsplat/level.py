@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,9 +40,8 @@ class Level(Voxels):
         return self._model
 
     @property
-    def attrs(self) -> Mapping[str, Any]:
-        """What the file says about itself: `Model.attrs`."""
-        return self._model.attrs
+    def _description(self) -> dict[str, Any]:
+        return self._model._description
 
     def coverage(self) -> np.ndarray:
         """Returns which share of its block is visible, for each voxel in the order of `coordinates`: float32, 0 to 1.

@@ -5,8 +5,7 @@ from __future__ import annotations
 import builtins
 import json
 import os
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from . import _native, export
@@ -60,7 +59,7 @@ class Model(Voxels):
         self._native: _native.Model | None = native
         self._path = path
         self._mapped = mapped
-        self._attrs: Mapping[str, Any] | None = None
+        self._parsed: dict[str, Any] | None = None
 
     @property
     def _open(self) -> _native.Model:
@@ -92,17 +91,12 @@ class Model(Voxels):
         self.close()
 
     @property
-    def attrs(self) -> Mapping[str, Any]:
-        """What the file says about itself, as in zarr, but read-only: source, transfer function, values, unit.
-
-        >>> f.attrs["source"]["sample_type"]
-        'u8'
-        """
-        description = self._open.description
-        if self._attrs is None:
-            found = json.loads(description) if description else {}
-            self._attrs = MappingProxyType(found if isinstance(found, dict) else {})
-        return self._attrs
+    def _description(self) -> dict[str, Any]:
+        native = self._open
+        if self._parsed is None:
+            found = json.loads(native.description or "{}")
+            self._parsed = found if isinstance(found, dict) else {}
+        return self._parsed
 
     def verify(self) -> None:
         """Checks every rule of the format, checksums included; raises `FormatError` at the first broken one."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -24,9 +26,20 @@ class Voxels:
         raise NotImplementedError
 
     @property
-    def attrs(self) -> Mapping[str, Any]:
-        """What the file says about itself."""
+    def _description(self) -> dict[str, Any]:
+        """What the file says about itself; nobody changes it."""
         raise NotImplementedError
+
+    @property
+    def attrs(self) -> Mapping[str, Any]:
+        """What the file says about itself, as in zarr: source, transfer function, values, unit. A copy of it, read-only.
+
+        `attrs["values"]["rounding"]` is the most by which a stored value differs from the volume's; 0 if all are exact.
+
+        >>> f.attrs["source"]["sample_type"]
+        'u8'
+        """
+        return MappingProxyType(copy.deepcopy(self._description))
 
     @property
     def nbytes(self) -> int:
@@ -92,7 +105,7 @@ class Voxels:
     @property
     def unit(self) -> str | None:
         """The unit of spacing and origin, such as "mm", if the volume's file named one."""
-        unit = self.attrs.get("unit")
+        unit = self._description.get("unit")
         return unit if isinstance(unit, str) else None
 
     @property
@@ -112,7 +125,7 @@ class Voxels:
         """
         low, step = self._open.value_scale
         high = low + step * (2 ** self._open.bits[0] - 1)
-        highest = self.attrs.get("values", {})
+        highest = self._description.get("values", {})
         highest = highest.get("highest") if isinstance(highest, dict) else None
         if isinstance(highest, (int, float)) and low <= highest < high:
             high = float(highest)
@@ -120,7 +133,7 @@ class Voxels:
             for name in ("uint8", "int16", "uint16", "int32", "uint32"):
                 if np.iinfo(name).min <= min(low, 0) and high <= np.iinfo(name).max:
                     return np.dtype(name)
-        source = self.attrs.get("source")
+        source = self._description.get("source")
         if isinstance(source, dict) and source.get("sample_type") == "f64":
             return np.dtype("float64")
         # Single precision keeps codes apart unless they are far from 0, by their distances, or very small.

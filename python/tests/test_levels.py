@@ -95,7 +95,7 @@ def test_a_level_is_handed_out_as_a_model_is(pyramid):
     dense = np.asarray(level)
     assert (level[3:5, :, 2] == dense[3:5, :, 2]).all() and (level[level.bounds] > 0).any()
     assert level.ndim == 3 and level.size == dense.size and len(level) == 21 and level.unit == pyramid.unit
-    assert level.attrs is pyramid.attrs
+    assert level.attrs == pyramid.attrs
     lane = level.lanes["x"]
     assert list(level.lanes) == list(pyramid.lanes) and not lane.steps.flags.writeable
     # Coarser levels than the first have words, as formats/adj-1.md says; the voxels themselves have none.

@@ -22,6 +22,8 @@ def test_facts_are_those_of_the_build(model, volume):
     assert model.attrs["values"]["highest"] == volume.max() and model.attrs["source"]["format"] == "array"
     with pytest.raises(TypeError):
         model.attrs["mine"] = 1
+    model.attrs["values"]["highest"] = -7
+    assert model.attrs["values"]["highest"] == volume.max()
 
 
 def test_bounds_are_the_smallest_box(model, volume):
