@@ -148,6 +148,11 @@ def build(
     What is stored: `lanes` ("x", "xy", "xyz"), `value_bits` (8 or 16) and `normal_bits` (0, 8 or 16); `levels`, a number of
     coarser levels of detail besides, or "auto".
 
+    `value_bits` are the bits of a stored value: by default 8, or 16 where 8 would turn visible voxels transparent or mix up
+    labels. Whole numbers are exact if all are among 256 (or 65,536) multiples of one step. Other values are rounded;
+    `attrs["values"]["rounding"]` of the model is the most by which one is. `value_bits=16` keeps all whole numbers of 16
+    bits. `normal_bits` are those of each component of a normal: 8, 16, or 0 for none.
+
     `memory` bounds the bytes of the process (or "256MiB") while a file is written; `threads` defaults to all processors.
     The result depends on neither. `progress(phase, done, total)` is called about twenty times a second; what it raises
     stops the build, as Ctrl-C does, and no file is left. Of two builds that write one path at the same time, one file stays,

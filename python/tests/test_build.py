@@ -61,6 +61,14 @@ def test_what_is_visible(volume):
     assert 0 < adj.build(volume).count < volume.size
 
 
+def test_the_model_says_how_far_values_are_rounded():
+    volume = np.random.default_rng(1).integers(0, 60_000, (9, 10, 11), np.uint16)
+    for bits, least in ((None, 100), (8, 100), (16, 0)):
+        f = adj.build(volume, visible=(1, None), value_bits=bits)
+        error = np.abs(f.to_numpy().astype(float) - volume).max()
+        assert least <= error <= f.attrs["values"]["rounding"] + 0.01 and f.attrs["values"]["rounding"] < 120
+
+
 def test_nan_is_transparent_and_told():
     array = blob(dtype=np.float32)
     array[10, 10:12, 10] = np.nan
