@@ -43,7 +43,7 @@ class Slices:
         self.target = np.dtype(WIDENED.get(code) or NARROWED.get(code) or code) if dtype.kind in "buif" else None
         if self.target is None or self.target.itemsize > 8:
             raise TypeError(f"the array holds {dtype}, but a volume holds real numbers of 8 to 64 bits")
-        self.array, self.shape = array, shape
+        self.array, self.shape, self.code = array, shape, code
         self.is_narrowed = code in NARROWED
         #: Points along x, y, z.
         self.dims = [int(points) for points in reversed(shape)]
@@ -75,6 +75,9 @@ class Slices:
             self.slab = np.asarray(self.array[self.first : self.first + self.depth])
             if self.slab.shape[1:] != self.shape[1:]:
                 raise ValueError(f"the array gives slices of the shape {self.slab.shape[1:]}, not {self.shape[1:]}")
+            given = self.slab.dtype
+            if f"{given.kind}{given.itemsize}" != self.code:
+                raise ValueError(f"the array says that it holds {self.array.dtype}, but gives slices of {given}")
         return self._plain(self.slab[z - self.first])
 
     def _plain(self, plane: np.ndarray) -> np.ndarray:

@@ -47,6 +47,7 @@ ARRAYS = {
     "a type that is none": (Shaped((2, 2, 2), "no type", lambda key: ONES), TypeError),
     "slices of another shape": (Shaped((4, 5, 6), np.uint8, lambda key: ONES[:, :2]), ValueError),
     "slices that are None": (Shaped((4, 5, 6), np.uint8, lambda key: None), (TypeError, ValueError, IndexError)),
+    "slices of another type": (Shaped((4, 5, 6), np.uint8, lambda key: ONES[key] * 300.0), ValueError),
     "slices of text": (Shaped((4, 5, 6), np.uint8, lambda key: np.full((1, 5, 6), "a")), ValueError),
     "slices that end early": (Shaped((4, 5, 6), np.uint8, lambda key: ONES[:0]), (IndexError, ValueError)),
     "slices that raise": (Shaped((4, 5, 6), np.uint8, lambda key: 1 // 0), ZeroDivisionError),
