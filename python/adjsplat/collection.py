@@ -38,8 +38,9 @@ class Collection:
     """An open collection `NAME.adjs`: a folder of bricks, each an .adj file of its own, and a manifest.
 
     Opening reads the manifest and the bricks' headers. It raises `OSError` if there is none, and `ValueError` that names the
-    first brick that is missing, cut or of another build. With `partial=True` such bricks are left out, and `faults` names
-    them. Damage behind a brick's header is found by `verify` and `join`, which read every byte.
+    first brick that is missing, cut or of another build. With `partial=True` such bricks are left out of the joined file and
+    of pictures, and `faults` names them; `bricks` and `count` still tell of the whole. Damage behind a brick's header is
+    found by `verify` and `join`, which read every byte.
 
     >>> bricks = adj.split(f, "engine.adjs", slab=16)
     >>> bricks.shape, len(bricks.bricks)
@@ -67,7 +68,7 @@ class Collection:
 
     @property
     def count(self) -> int:
-        """Number of visible voxels of the whole."""
+        """Number of visible voxels of the whole, those of bricks that cannot be used included."""
         return self._native.count
 
     @property
@@ -77,7 +78,7 @@ class Collection:
 
     @property
     def bricks(self) -> list[Brick]:
-        """The bricks, partition after partition, each by ascending z, then y, then x."""
+        """The bricks, partition after partition, each by ascending z, then y, then x; also those that cannot be used."""
         turned = lambda numbers: (numbers[2], numbers[1], numbers[0])
         return [Brick(turned(low), turned(size), count, file) for low, size, count, file in self._native.bricks]
 

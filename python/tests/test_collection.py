@@ -49,6 +49,7 @@ def test_bricks_that_cannot_be_used_are_named(file, tmp_path):
     with pytest.raises(ValueError, match="1 of 4 bricks cannot be used.*brick-0-00005.*is missing"):
         adj.Collection(tmp_path / "a.adjs")
     rest = adj.Collection(tmp_path / "a.adjs", partial=True)
+    assert rest.count == bricks.count and len(rest.bricks) == 4
     assert len(rest.faults) == 1 and "brick-0-00005" in rest.faults[0]
     assert rest.join(tmp_path / "rest.adj").count == bricks.count - bricks.bricks[1].voxels
     assert rest.render(size=(20, 20))[..., 3].max() > 0
