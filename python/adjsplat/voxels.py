@@ -198,7 +198,10 @@ class Voxels:
     def block(
         self, low: tuple[int, int, int], shape: tuple[int, int, int], *, dtype: Any = None, fill: float = 0
     ) -> np.ndarray:
-        """Returns the box of `shape` (z, y, x) whose first point is `low`, dense; `fill` stands for what is not visible."""
+        """Returns the box of `shape` (z, y, x) whose first point is `low`, dense; `fill` stands for what is not visible.
+
+        With a `dtype` of whole numbers, values are rounded, and those beyond its range become its lowest or highest number.
+        """
         if min(*low, *shape) < 0:
             raise ValueError(f"a block at {low} of the shape {shape} reaches beyond the volume")
         dtype = np.dtype(self.dtype if dtype is None else dtype).newbyteorder("=")
@@ -237,7 +240,7 @@ class Voxels:
         return (self[z] for z in range(self.shape[0]))
 
     def to_numpy(self, *, dtype: Any = None, fill: float = 0) -> np.ndarray:
-        """Returns the whole volume, dense; `fill` stands for what is not visible."""
+        """Returns the whole volume, dense; `fill` stands for what is not visible, and `dtype` is as for `block`."""
         return self.block((0, 0, 0), self.shape, dtype=dtype, fill=fill)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
