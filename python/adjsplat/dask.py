@@ -45,7 +45,8 @@ def build(
     stored. The array is read once or twice, and once more if opacity depends on the largest gradient. A file has the bytes
     that `adjsplat.build` gives of the whole array; joining takes at most `memory` bytes.
 
-    Tasks that fail, or whose worker does, run again, at most `retries` times. The output appears complete or not at all.
+    With a client of `dask.distributed`, tasks that fail, or whose worker does, run again, at most `retries` times; Dask's
+    threads run each task once. The output appears complete or not at all.
 
     >>> array = np.arange(4096, dtype=np.uint16).reshape(16, 16, 16)
     >>> adj.dask.build(array, "ramp-of-tasks.adjs", slab=4, visible=(2000, None)).count
