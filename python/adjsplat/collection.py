@@ -244,6 +244,7 @@ def split(
     sizes = brick_sizes(slab, brick, partition)
     path, step = path_in_folder(out), preview_step(preview)
     limits = (byte_count(memory), thread_count(threads))
+    _refuse_existing(path)
     if verify:
         model.verify()
     _native.split(model._open, path, sizes, step, *limits)

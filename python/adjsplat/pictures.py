@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import _native
+from .arguments import path_in_folder
 
 #: Names of colours, as the program `adj` has them.
 NAMED = {"white": (1.0, 1.0, 1.0), "black": (0.0, 0.0, 0.0)}
@@ -60,7 +61,7 @@ def save(path: str | os.PathLike[str], pictures: Any) -> None:
     `pictures` is an array as `render` returns it, or an iterable of such. The file appears whole or not at all.
     """
     several = [pictures] if isinstance(pictures, np.ndarray) and pictures.ndim == 3 else list(pictures)
-    _native.write_pictures(os.fsdecode(path), [linear_picture(picture) for picture in several])
+    _native.write_pictures(path_in_folder(path), [linear_picture(picture) for picture in several])
 
 
 def over(picture: np.ndarray, behind: np.ndarray) -> np.ndarray:

@@ -108,6 +108,20 @@ def test_what_cannot_be_built_leaves_nothing(tmp_path):
         adj.dask.build(np.where(array > 100, np.nan, array), tmp_path / "b.adjs", slab=5, visible=(60, None))
 
 
+def test_a_path_that_is_there_or_has_no_folder_is_an_error_of_the_system(model, tmp_path):
+    adj.split(model, tmp_path / "a.adjs", slab=8)
+    with pytest.raises(FileExistsError, match="is there already"):
+        adj.split(model, tmp_path / "a.adjs", slab=8)
+    for use in (
+        lambda path: adj.split(model, path, slab=8),
+        lambda path: adj.save(path, np.zeros((4, 4, 4), np.float32)),
+        lambda path: model.save(path),
+        lambda path: model.export(path),
+    ):
+        with pytest.raises(FileNotFoundError, match="no such folder"):
+            use(tmp_path / "no" / "a.nii")
+
+
 def test_a_plan_refuses_samples_of_another_place(tmp_path):
     array = blob()
     plan = adj.BrickPlan(array, visible=(60, None), slab=5)
