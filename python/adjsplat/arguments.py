@@ -6,7 +6,7 @@ import errno
 import operator
 import os
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 
@@ -115,6 +115,13 @@ def number(name: str, value: Any) -> float:
 def optional_number(name: str, value: Any) -> float | None:
     """Returns a real number of any type as a float; None stays."""
     return None if value is None else number(name, value)
+
+
+def function(name: str, value: Any) -> Callable[..., Any] | None:
+    """Returns a function; None stays."""
+    if value is not None and not callable(value):
+        raise TypeError(f"{name} must be a function, not {reprlib.repr(value)}")
+    return value
 
 
 def text(name: str, value: Any) -> str:

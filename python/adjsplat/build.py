@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from . import _native
-from .arguments import byte_count, level_count, output_path, text, thread_count, whole
+from .arguments import byte_count, function, level_count, output_path, text, thread_count, whole
 from .arrays import Slices, is_array
 from .convert import TURNED
 from .data_array import placed
@@ -213,7 +213,7 @@ def build(
         for note in source.notes:
             warnings.warn(note, BuildWarning, stacklevel=2)
     path = None if out is None else output_path(out, files)
-    model, lines = _native.build(source, chosen, path, packing, progress)
+    model, lines = _native.build(source, chosen, path, packing, function("progress", progress))
     for line in lines:
         warnings.warn(line, BuildWarning, stacklevel=2)
     return Model(model, path)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import _native
-from .arguments import byte_count, output_path, path_in_folder, thread_count, whole
+from .arguments import byte_count, function, output_path, path_in_folder, thread_count, whole
 from .arrays import Slices, is_array
 from .build import Packing, Place, chosen_transfer
 from .model import Model, open
@@ -118,7 +118,7 @@ class Collection:
         """
         path = output_path(out)
         limits = byte_count(memory), thread_count(threads)
-        return Model(self._native.join(path, bool(verify), *limits, progress), path)
+        return Model(self._native.join(path, bool(verify), *limits, function("progress", progress)), path)
 
     def render(self, *view: Any, transfer: Any = None, **look: Any) -> np.ndarray:
         """Draws a picture brick by brick; the arguments are those of `Renderer.render`.
@@ -363,13 +363,13 @@ class BrickPlan:
 
     def samples_of(self, index: int) -> tuple[slice, slice, slice]:
         """Returns the part of the array that a brick is built from: its own, and what gradients need around it."""
-        low, size = self._native.samples_of(whole("index", index))
+        low, size = self._native.samples_of(self._index(index))
         z, y, x = (slice(first, first + points) for first, points in zip(low[::-1], size[::-1]))
         return z, y, x
 
     def scan(self, index: int, samples: Any, *, memory: int | str | None = None, threads: int | None = None) -> str:
         """Scans a brick's samples; returns what was found, as text."""
-        return self._native.scan(whole("index", index), _source(samples), byte_count(memory), thread_count(threads))
+        return self._native.scan(self._index(index), _source(samples), byte_count(memory), thread_count(threads))
 
     def agree(self, findings: Sequence[str]) -> BrickPlan:
         """Returns the plan with what scans of all bricks found."""
@@ -386,7 +386,13 @@ class BrickPlan:
     ) -> int:
         """Builds a brick as a file in `folder`, if it has visible voxels; returns their number."""
         path, limits = os.path.abspath(os.fsdecode(folder)), (byte_count(memory), thread_count(threads))
-        return self._native.build(whole("index", index), _source(samples), path, *limits)
+        return self._native.build(self._index(index), _source(samples), path, *limits)
+
+    def _index(self, index: int) -> int:
+        """Returns the index of a brick, if the plan has such a brick."""
+        if not 0 <= (index := whole("index", index)) < self.count:
+            raise ValueError(f"brick: {index} does not exist; there are {self.count}")
+        return index
 
     def finish(self, folder: str | os.PathLike[str]) -> Collection:
         """Writes the manifest of the bricks in `folder`, which is then a collection."""

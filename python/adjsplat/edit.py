@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from . import _native
-from .arguments import byte_count, level_count, output_path, thread_count
+from .arguments import byte_count, function, level_count, output_path, thread_count
 from .build import BuildWarning, Progress
 from .model import Model, with_look_of
 
@@ -96,6 +96,7 @@ class Edit:
         native = self._model._open
         wanted = level_count(levels)
         resources = byte_count(memory), thread_count(threads)
+        progress = function("progress", progress)
         if verify:
             self._model.verify()
         saved, left_out = _native.save_edited(native, path, self._steps, wanted, resources, progress)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from . import _native
-from .arguments import path_in_folder
+from .arguments import function, path_in_folder
 
 if TYPE_CHECKING:
     from .model import Model
@@ -51,6 +51,7 @@ def write(
         fill = None if fill is None else float(fill)
     except OverflowError:
         raise ValueError("fill is beyond all sample types") from None
+    progress = function("progress", progress)
     if verify:
         model.verify()
     voxels, nbytes, name, filled, rounding, notes = _native.export(model._open, out, fill, progress)

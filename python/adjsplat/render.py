@@ -36,7 +36,11 @@ class Look:
         level: int | None,
         threads: int | None,
     ):
-        columns, rows = (whole("columns and rows", side) for side in size)
+        try:
+            columns, rows = size
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"size must be (columns, rows), not {reprlib.repr(size)}") from None
+        columns, rows = whole("columns", columns), whole("rows", rows)
         if not (1 <= columns <= 16384 and 1 <= rows <= 16384):
             raise ValueError(f"size is {size}, but columns and rows must be 1 to 16384")
         self.size = [columns, rows]
@@ -211,7 +215,7 @@ class Renderer:
         >>> len(pictures)
         4
         """
-        if frames < 1:
+        if whole("frames", frames) < 1:
             raise ValueError(f"frames are {frames}, but must be at least 1")
         view = {name: options.pop(name) for name in ("zoom", "perspective", "up") if name in options}
         size, crop = options.get("size", (800, 800)), options.get("crop")
@@ -234,9 +238,13 @@ def _camera_json(camera: Mapping[str, Any]) -> str:
         return array.tolist()
 
     try:
-        return json.dumps(dict(camera), default=plain, allow_nan=False)
+        document = json.dumps(dict(camera), default=plain, allow_nan=False)
     except ValueError:
         raise ValueError("the numbers of a camera must be finite") from None
+    for name in ("position", "target", "up"):
+        if name in camera and np.shape(camera[name]) != (3,):
+            raise ValueError(f"camera {name} must be three numbers (x, y, z), not {reprlib.repr(camera[name])}")
+    return document
 
 
 def _opened(model: Model, device: str, vram: int | None) -> _native.Device | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import reprlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -34,6 +35,8 @@ class TransferFunction:
     __slots__ = ("_text",)
 
     def __init__(self, document: Mapping[str, Any] | str):
+        if not isinstance(document, (str, Mapping)):
+            raise TypeError(f"a transfer function is made of a dict or JSON text, not of {reprlib.repr(document)}")
         text = document if isinstance(document, str) else _json(document)
         self._text = _native.transfer_json(text)
 
@@ -127,6 +130,8 @@ class TransferFunction:
         """
         if labels is None:
             return cls.preset("labels")
+        if not isinstance(labels, Mapping):
+            raise TypeError(f"labels must be a dict of label to colour, not {reprlib.repr(labels)}")
 
         def entry(label: int, look: Any) -> dict[str, Any]:
             if isinstance(look, tuple) and look and isinstance(look[0], str) and len(look) in (2, 3):

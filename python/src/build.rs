@@ -120,18 +120,18 @@ fn own_palette(source: &dyn SlabSource) -> Result<TransferFunction> {
 
 pub(crate) fn warnings(samples: &SampleSummary) -> Vec<String> {
     let mut lines = Vec::new();
+    let counted = |count, one: &str, many: &str| format!("{count} {}", if count == 1 { one } else { many });
     if samples.blurred_away > 0 {
         lines.push(format!(
-            "{} visible voxels turn transparent, as their values share codes with transparent ones; take value_bits=16 \
-             or a narrower range",
-            samples.blurred_away
+            "{} transparent, as transparent values have the same codes; take value_bits=16 or a narrower range",
+            counted(samples.blurred_away, "visible voxel turns", "visible voxels turn")
         ));
     }
     if samples.unnamed.voxels > 0 {
         let labels: Vec<String> = samples.unnamed.lowest.iter().flatten().map(i64::to_string).collect();
         lines.push(format!(
-            "{} voxels have labels that the palette does not name ({}, ...) and are not drawn",
-            samples.unnamed.voxels,
+            "{} that the palette does not name ({}, ...); such voxels are not drawn",
+            counted(samples.unnamed.voxels, "voxel has a label", "voxels have labels"),
             labels.join(", ")
         ));
     }
@@ -142,7 +142,8 @@ pub(crate) fn warnings(samples: &SampleSummary) -> Vec<String> {
         ));
     }
     if samples.not_finite > 0 {
-        lines.push(format!("{} samples are NaN or infinite and therefore transparent", samples.not_finite));
+        let found = counted(samples.not_finite, "sample is", "samples are");
+        lines.push(format!("{found} NaN or infinite and therefore transparent"));
     }
     lines
 }

@@ -75,7 +75,12 @@ impl Look {
 
 /// Parses a camera's JSON.
 pub(crate) fn camera(text: &str) -> PyResult<Camera> {
-    serde_json::from_str(text).map_err(|fault| PyValueError::new_err(format!("camera: {fault}")))
+    serde_json::from_str(text).map_err(|fault| {
+        // A fault of a number names the camera itself.
+        let why = fault.to_string();
+        let why = why.strip_prefix("camera").map_or(why.as_str(), |why| why.trim_start_matches([':', ' ']));
+        PyValueError::new_err(format!("camera: {why}"))
+    })
 }
 
 /// Returns a picture as an array of rows, columns and four numbers.

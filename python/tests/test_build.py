@@ -75,6 +75,9 @@ def test_nan_is_transparent_and_told():
     with pytest.warns(adj.BuildWarning, match="2 samples are NaN"):
         f = adj.build(array, visible=(60, None))
     assert f.count == (array >= 60).sum()
+    array[10, 10, 10] = 0
+    with pytest.warns(adj.BuildWarning, match="^1 sample is NaN or infinite and therefore transparent$"):
+        adj.build(array, visible=(60, None))
 
 
 def test_a_file_is_the_model_in_memory(volume, tmp_path):

@@ -293,12 +293,50 @@ ARGUMENTS = {
         "a label must be a whole",
     ),
     "a contour at NaN": (lambda f: adj.TransferFunction.contour(np.nan), ValueError, "must be finite"),
+    "a size of one number": (lambda f: adj.render(f, 5), TypeError, "size must be (columns, rows), not 5"),
+    "a size of three": (lambda f: adj.render(f, (5, 5, 5)), ValueError, "size must be (columns, rows), not (5, 5, 5)"),
+    "half a frame": (lambda f: list(adj.Renderer(f, device="cpu").turn(2.5)), TypeError, "frames must be a whole"),
+    "a list of labels": (lambda f: adj.TransferFunction.labels([1]), TypeError, "labels must be a dict of label to"),
+    "a number as a function": (lambda f: adj.TransferFunction(5), TypeError, "a transfer function is made of a dict"),
+    "progress of a build": (
+        lambda f: adj.build(ONES, visible=(1, 2), progress=3),
+        TypeError,
+        "progress must be a function, not 3",
+    ),
+    "progress of an export": (lambda f: f.export("a.nii", progress=3), TypeError, "progress must be a function"),
+    "progress of an edit": (lambda f: f.edit().save("a.adj", progress=3), TypeError, "progress must be a function"),
+    "a camera in four dimensions": (
+        lambda f: adj.render(f, camera=f_camera(f) | {"position": (1, 2, 3, 4)}),
+        ValueError,
+        "camera position must be three numbers (x, y, z), not (1, 2, 3, 4)",
+    ),
+    "a camera without height": (
+        lambda f: adj.render(f, camera={"position": (0, 9, 0), "target": (0, 0, 0), "up": (0, 0, 1)}),
+        ValueError,
+        "camera: needs either `fov` in degrees",
+    ),
+    "a camera of height 0": (
+        lambda f: adj.render(f, camera=f_camera(f) | {"height": 0}),
+        ValueError,
+        "camera: height: is 0, but must be finite and above 0",
+    ),
+    "brick -1": (lambda f: plan().scan(-1, ONES), ValueError, "brick: -1 does not exist; there are 2"),
+    "a huge brick": (lambda f: plan().samples_of(2**70), ValueError, "does not exist; there are 2"),
+    "a folder that is no collection": (
+        lambda f: adj.open(REPOSITORY),
+        ValueError,
+        "is no finished collection: it has no collection.json",
+    ),
     "a point at infinity": (
         lambda f: adj.TransferFunction.points([(np.inf, "#fff", 1)]),
         ValueError,
         "the numbers of a transfer function must be finite",
     ),
 }
+
+
+def plan():
+    return adj.BrickPlan(ONES, visible=(1, None), slab=2)
 
 
 def f_camera(f):
