@@ -105,9 +105,9 @@ def _decoded(encoded: np.ndarray) -> np.ndarray:
 
 
 def linear_picture(picture: Any) -> np.ndarray:
-    """Returns a picture as linear premultiplied numbers, contiguous."""
+    """Returns a picture as linear premultiplied numbers, contiguous and finite."""
     if isinstance(picture, (str, os.PathLike)):
-        return _native.read_picture(os.fsdecode(picture))
+        picture = _native.read_picture(os.fsdecode(picture))
     picture = np.asarray(picture)
     if picture.ndim != 3 or picture.shape[2] != 4:
         raise ValueError(f"a picture has the shape (rows, columns, 4), not {picture.shape}")
@@ -117,4 +117,7 @@ def linear_picture(picture: Any) -> np.ndarray:
         picture = np.concatenate([colours * alpha, alpha], axis=-1)
     elif picture.dtype.kind != "f":
         raise TypeError(f"a picture is float32 (linear) or uint8 (sRGB), not {picture.dtype}")
-    return np.ascontiguousarray(picture, dtype=np.float32)
+    picture = np.ascontiguousarray(picture, dtype=np.float32)
+    if not np.isfinite(picture).all():
+        raise ValueError("a picture has samples that are NaN or infinite in float32")
+    return picture
