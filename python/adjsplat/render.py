@@ -46,8 +46,12 @@ class Look:
         self.size = [columns, rows]
         self.quality, self.mode = text("quality", quality), text("mode", mode)
         self.sampling = None if sampling is None else text("sampling", sampling)
+        if not isinstance(lighting, (bool, np.bool_)):
+            raise TypeError(f"lighting must be True or False, not {reprlib.repr(lighting)}")
         self.lighting = bool(lighting)
         self.exposure = optional_number("exposure", exposure)
+        if self.exposure is not None and self.mode != "xray":
+            raise ValueError(f'exposure is the brightness of mode "xray"; leave it out for "{self.mode}"')
         self.sharpness = optional_number("sharpness", sharpness)
         self.threads = thread_count(threads)
         self.crop = None if crop is None else _crop(model, crop)
@@ -251,7 +255,11 @@ def _opened(model: Model, device: str, vram: int | None) -> _native.Device | Non
     """Returns the graphics device that `device` asks for; None for the processor."""
     text("device", device)
     vram = byte_count(vram, "vram")
+    if not device:
+        raise ValueError('device is empty, but must be "cpu", "gpu", "auto" or a part of a device\'s name')
     if device == "cpu":
+        if vram is not None:
+            raise ValueError('vram is the memory of a graphics device; leave it out for device="cpu"')
         return None
     if device != "auto":
         return _native.Device(model._open, None if device == "gpu" else device, vram)

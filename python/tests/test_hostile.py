@@ -7,6 +7,7 @@ from conftest import REPOSITORY, blob
 import adjsplat as adj
 
 ONES = np.ones((4, 5, 6), np.uint8)
+NAN = np.full((4, 4, 4), np.nan, np.float32)
 
 
 class Shaped:
@@ -327,6 +328,21 @@ ARGUMENTS = {
         ValueError,
         "is no finished collection: it has no collection.json",
     ),
+    "lighting in words": (lambda f: adj.render(f, lighting="no"), TypeError, "lighting must be True or False"),
+    "exposure of a composite": (
+        lambda f: adj.render(f, exposure=1),
+        ValueError,
+        'exposure is the brightness of mode "xray"',
+    ),
+    "a device without a name": (lambda f: adj.Renderer(f, device=""), ValueError, "device is empty"),
+    "vram of the processor": (
+        lambda f: adj.Renderer(f, device="cpu", vram=10**9),
+        ValueError,
+        "vram is the memory of a graphics device",
+    ),
+    "NaN in a picture to save": (lambda f: adj.save("a.png", NAN), ValueError, "samples that are NaN or infinite"),
+    "NaN in pictures to put together": (lambda f: adj.composite([NAN]), ValueError, "samples that are NaN"),
+    "NaN in a picture to compare": (lambda f: adj.compare(NAN, NAN), ValueError, "samples that are NaN"),
     "a point at infinity": (
         lambda f: adj.TransferFunction.points([(np.inf, "#fff", 1)]),
         ValueError,
