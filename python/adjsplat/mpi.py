@@ -43,7 +43,8 @@ def build(
 
     `array` is an array, a `VolumeFile`, or what that takes. `slab`, `brick` and `options` are those of
     `adjsplat.dask.build`. A rank that fails ends the build on all ranks, which then raise RuntimeError with its message;
-    nothing is left. So does one that is interrupted (Ctrl-C, `sys.exit`): it raises that itself, the others RuntimeError.
+    nothing is left. So does one in which a step raises KeyboardInterrupt or SystemExit: it raises that, the others
+    RuntimeError. A run that is killed, as by Ctrl-C of mpirun, leaves a folder `.NAME.adjs.XXXX.building`.
     """
     comm = _world() if comm is None else comm
     path = _together(comm, lambda: path_in_folder(os.fsdecode(out).rstrip("/")))
@@ -148,7 +149,7 @@ def _world() -> Any:
 def _together(comm: Any, step: Callable[..., Any], *arguments: Any) -> Any:
     """Does a step on every rank; if it fails on one, all raise what the first of them says.
 
-    A rank that was interrupted (Ctrl-C, `sys.exit`) tells the others, which would wait for it for ever, and then ends.
+    A rank with a KeyboardInterrupt or SystemExit tells the others, which would wait for it for ever, and raises it then.
     """
     result, text = None, None
     failure: BaseException | None = None
