@@ -23,7 +23,7 @@ use adjsplat::volume::PartSource;
 
 /// Build a collection brick by brick, in steps that jobs on any machines do; the bricks join to the bytes of adj build
 ///
-/// plan, then scan every brick and agree, until agree says that all is known; then build every brick, and finish. A step
+/// plan, then scan as many bricks as plan says and agree, until agree says that all is known; then build every brick, and finish. A step
 /// that failed is done again. All machines must see the volume, the plan and the collection's folder.
 #[derive(Debug, Args)]
 #[command(

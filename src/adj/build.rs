@@ -246,11 +246,14 @@ pub(super) fn classify_with_warnings(
     if built.samples.unnamed.voxels > 0 {
         let unnamed = built.samples.unnamed;
         let mut labels: Vec<String> = unnamed.lowest.iter().flatten().map(i64::to_string).collect();
+        // No palette shows labels below 0 without naming them.
+        let is_below = unnamed.lowest.iter().flatten().all(|label| *label < 0);
+        let advice = if is_below { "name them in a palette" } else { "add these labels, or take --labels distinct" };
         if labels.len() == unnamed.lowest.len() {
             *labels.last_mut().expect("one at least") = "...".into();
         }
         print_note(&format!(
-            "warning: {} voxels have labels that the palette does not name ({}) and are not drawn; add these labels, or take --labels distinct",
+            "warning: {} voxels have labels that the palette does not name ({}) and are not drawn; {advice}",
             HumanCount(unnamed.voxels),
             labels.join(", "),
         ));

@@ -83,8 +83,12 @@ impl ClassificationArguments {
                 let why = "is for volumes; an .adj file shows its own colours without a flag";
                 return Err(Error::input("--labels file", why));
             }
-            let name = if name == "distinct" { "labels" } else { name };
-            let transfer = named(name)?;
+            let transfer = named(if name == "distinct" { "labels" } else { name }).map_err(|error| match error {
+                Error::Input { what, .. } if what.starts_with("preset") => {
+                    Error::input("--labels", format!("{name} is neither a file nor one of distinct, frog and file"))
+                }
+                other => other,
+            })?;
             if !transfer.is_labels() {
                 return Err(Error::input("--labels", format!("{name} is no palette; give it with --tf")));
             }
@@ -187,7 +191,8 @@ fn range(text: &str) -> Result<TransferFunction> {
 fn region(text: &str) -> Result<TransferFunction> {
     let knot = |part: &str| {
         let (value, opacity) = part.split_once(':')?;
-        Some((value.trim().parse::<f64>().ok()?, opacity.trim().parse::<f64>().ok()?))
+        let number = |text: &str| text.trim().parse().ok().filter(|number: &f64| number.is_finite());
+        Some((number(value)?, number(opacity)?))
     };
     let knots: Option<Vec<(f64, f64)>> = text.split(',').map(knot).collect();
     let knots = knots

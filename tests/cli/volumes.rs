@@ -105,7 +105,7 @@ fn slices_are_built_again_by_the_same_pattern() {
     let folder = Folder::new();
     std::fs::create_dir(folder.file("head")).expect("new");
     for number in 1..=3 {
-        folder.write(&format!("head/CT.{number}"), &RAW[..12]);
+        folder.write(format!("head/CT.{number}"), &RAW[..12]);
     }
     let build = "build head/CT.* --dims 4x3x3 --type u8 --range 1..";
     folder.adj(build).done();

@@ -188,9 +188,7 @@ impl LevelLook {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
     pub fn new(description: &[u8], facts: &Facts) -> LevelLook {
         let is_labels = holds_labels(description);
-        // Another writer may have left out the length that is the grid's by default.
-        let transfer_function = TransferFunction::of_description(description)
-            .and_then(|function| function.with_voxel_length(facts.grid.mean_spacing()).ok());
+        let transfer_function = TransferFunction::of_description(description, facts.grid.mean_spacing());
         let Some(transfer_function) = transfer_function else { return LevelLook { is_labels, ..LevelLook::default() } };
         let clear = (0..=facts.channels.last_value_code()).map(|code| {
             let opacity = stored_opacity(&transfer_function, &facts.scales, code, f64::MAX).clamp(0.0, 1.0);

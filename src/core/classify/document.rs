@@ -52,15 +52,18 @@ impl TransferFunction {
         })
     }
 
-    /// Returns the function of a file with this description; `None` if it has none that can be read.
+    /// Returns the function of a file with this description, whose grid has this mean spacing; `None` if it has none that can be
+    /// read.
     ///
     /// Other members are skipped: as JSON values a long text takes much memory.
-    pub(crate) fn of_description(description: &[u8]) -> Option<TransferFunction> {
+    pub(crate) fn of_description(description: &[u8], mean_spacing: f64) -> Option<TransferFunction> {
         #[derive(Deserialize)]
         struct Function {
             transfer_function: TransferFunction,
         }
-        serde_json::from_slice(description).ok().map(|Function { transfer_function }| transfer_function)
+        let Function { transfer_function } = serde_json::from_slice(description).ok()?;
+        // Another writer may have left out the length that is the grid's by default.
+        transfer_function.with_voxel_length(mean_spacing).ok()
     }
 
     /// Returns the function as JSON on several lines; [`TransferFunction::from_json`] restores an equal function.

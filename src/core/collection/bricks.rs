@@ -92,8 +92,8 @@ impl Collection {
             opened(&path.join(&entry.file), &content, limits)
         });
         let levels = manifest.levels().into_iter().map(|level| level.facts).collect();
-        let build_function = TransferFunction::of_description(manifest.description().as_bytes())
-            .and_then(|function| function.with_voxel_length(manifest.grid.mean_spacing()).ok());
+        let description = manifest.description().as_bytes();
+        let build_function = TransferFunction::of_description(description, manifest.grid.mean_spacing());
         let mut collection = Collection { path, manifest, bricks, preview, faults, levels, build_function };
         collection.count_levels();
         Ok(collection)

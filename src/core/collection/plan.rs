@@ -323,6 +323,10 @@ impl Plan {
         resources: &Resources,
         observer: &mut dyn Observer,
     ) -> Result<Findings> {
+        let count = self.partitions()?[0].len();
+        if index >= count {
+            return Err(Error::input("brick", format!("{index} is not scanned; scan those from 0 to {}", count - 1)));
+        }
         let found = self.found_in(index, source, resources, observer)?;
         Ok(Findings { brick: index, plan: self.checksum(), found })
     }

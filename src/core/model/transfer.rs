@@ -20,9 +20,7 @@ struct Extremes {
 
 /// Returns the transfer function that the file was built with; `None` if the file stores none that can be read.
 pub fn stored_transfer(arena: &Arena) -> Option<TransferFunction> {
-    let transfer_function = TransferFunction::of_description(arena.description())?;
-    // Another writer may have left out the length that is the grid's by default.
-    transfer_function.with_voxel_length(arena.facts().grid.mean_spacing()).ok()
+    TransferFunction::of_description(arena.description(), arena.facts().grid.mean_spacing())
 }
 
 /// Returns `transfer` with the numbers filled in that follow from the file: voxel length, value range, and largest magnitude.

@@ -163,7 +163,8 @@ impl ArrayAxes {
         }
         if space[0].is_none() || space[1].is_none() {
             let names: Vec<&str> = named.iter().map(|axis| axis.name.as_str()).collect();
-            return Err(fault("axes x and y, or no names", names.join(", ")));
+            let got = if dimensions < 2 { "one axis".to_owned() } else { names.join(", ") };
+            return Err(fault("axes x and y, or two or more without names", got));
         }
         let volume_dimensions = (0..dimensions).filter(|at| !space.contains(&Some(*at)));
         let volume_dimensions = volume_dimensions.map(|at| (at, named[at].name.clone())).collect();
