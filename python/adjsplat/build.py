@@ -22,7 +22,7 @@ Progress = Callable[[str, int, int], Any]
 
 
 class BuildWarning(UserWarning):
-    """Something in the volume's values that a user should know: NaN, labels without a name, rounded values."""
+    """What a user should know of what was written: NaN, labels without a name, rounded values, bricks that are left out."""
 
 
 class Place:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import shutil
 import tempfile
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
@@ -13,7 +15,7 @@ import numpy as np
 from . import _native
 from .arguments import byte_count, function, output_path, path_in_folder, thread_count, whole
 from .arrays import Slices, is_array
-from .build import Packing, Place, chosen_transfer
+from .build import BuildWarning, Packing, Place, chosen_transfer
 from .model import Model, open
 from .pictures import linear_picture
 from .render import Look, Renderer
@@ -54,7 +56,8 @@ class Collection:
     def __init__(self, path: str | os.PathLike[str], *, partial: bool = False):
         #: The folder's absolute path.
         self.path = os.path.abspath(os.fsdecode(path))
-        self._native = _native.Collection.open(self.path, bool(partial))
+        self._partial = bool(partial)
+        self._native = _native.Collection.open(self.path, self._partial)
 
     @property
     def _open(self) -> _native.Collection:
@@ -113,12 +116,17 @@ class Collection:
     ) -> Model:
         """Joins the bricks to the .adj file that one build of the whole volume makes, byte for byte, and opens it.
 
-        Raises `FormatError` that names the first brick that is damaged. `verify=False` does not check them: it is faster,
-        but damage may pass into the file.
+        Raises `FormatError` that names the first brick that is damaged. A collection that was opened with `partial=True`
+        leaves out such bricks, too, with a `BuildWarning` for each that is left out. `verify=False` does not check them: it
+        is faster, but damage may pass into the file.
         """
         path = output_path(out)
         limits = byte_count(memory), thread_count(threads)
-        return Model(self._native.join(path, bool(verify), *limits, function("progress", progress)), path)
+        checks = bool(verify), self._partial
+        model, faults = self._native.join(path, checks, *limits, function("progress", progress))
+        for fault in faults:
+            warnings.warn(f"left out: {fault}", BuildWarning, stacklevel=2)
+        return Model(model, path)
 
     def render(self, *view: Any, transfer: Any = None, **look: Any) -> np.ndarray:
         """Draws a picture brick by brick; the arguments are those of `Renderer.render`.
@@ -133,7 +141,7 @@ class Collection:
         return f"<adjsplat.Collection {z} x {y} x {x} (z, y, x), {len(self.bricks)} bricks, {self.path}>"
 
     def __reduce__(self) -> Any:
-        return Collection, (self.path,)
+        return functools.partial(Collection, partial=self._partial), (self.path,)
 
 
 class BrickRenderer(Renderer):

@@ -175,7 +175,7 @@ class TransferFunction:
         share = np.linspace(0, 1, samples)
         if not isinstance(opacity, str) and (count := np.size(opacity)) > 1:
             # The list's own points too: between the samples it may have peaks.
-            share = np.union1d(share, np.linspace(0, 1, count))
+            share = np.unique(np.concatenate([share, np.linspace(0, 1, count)]).round(12))
         opacities = _opacities(opacity, share)
         opacities[opacities < FAINT] = 0.0
         if isinstance(cmap, str) and cmap not in colormaps:

@@ -201,27 +201,32 @@ impl Collection {
         py.detach(|| self.0.check().iter().map(ToString::to_string).collect())
     }
 
-    /// Joins the bricks to a file and opens it; with `verify`, every byte of the bricks is checked first.
+    /// Joins the bricks to a file and opens it. With `verify`, every byte of the bricks is checked first; if `partial`, those that are
+    /// damaged are left out. Also returns what is wrong with bricks that are left out, one line each.
     fn join(
         &self,
         py: Python<'_>,
         path: PathBuf,
-        verify: bool,
+        [verify, partial]: [bool; 2],
         memory: Option<u64>,
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
-    ) -> PyResult<Model> {
+    ) -> PyResult<(Model, Vec<String>)> {
         let threads = threads_or_all(threads)?;
         let raised = crate::watch::Raised::default();
         let mut watch = Watch::new(progress, raised.clone());
         let joined = py.detach(|| {
-            if verify {
-                check_bricks(&self.0)?;
+            let mut checked = None;
+            match (verify, partial) {
+                (true, true) => checked.insert(collection::Collection::open(self.0.path())?).leave_out_damaged(),
+                (true, false) => check_bricks(&self.0)?,
+                (false, _) => {}
             }
-            self.0.join(&path, memory, threads, &mut watch)?;
-            adjsplat::Model::open(&path)
+            let collection = checked.as_ref().unwrap_or(&self.0);
+            collection.join(&path, memory, threads, &mut watch)?;
+            Ok((adjsplat::Model::open(&path)?, collection.faults().iter().map(ToString::to_string).collect()))
         });
-        raised.or(joined).map(Model::of)
+        raised.or(joined).map(|(model, faults)| (Model::of(model), faults))
     }
 
     /// Returns the camera of each orbit (azimuth, elevation), as JSON: all look at one point and have one scale.

@@ -42,10 +42,10 @@ impl Source {
         self.volume().header().grid.dims
     }
 
-    /// Remarks on how the volume was read.
+    /// Remarks on how the volume was read, which name arguments of `build`.
     #[getter]
     fn notes(&self) -> Vec<String> {
-        self.volume().notes().to_vec()
+        self.volume().notes().iter().map(|note| note.replace("OpenOptions::", "")).collect()
     }
 }
 

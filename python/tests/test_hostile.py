@@ -1,5 +1,7 @@
 """Hostile input: whatever Python hands over, an exception of the right kind comes back, and the process lives."""
 
+import pickle
+
 import numpy as np
 import pytest
 from conftest import REPOSITORY, blob
@@ -176,6 +178,10 @@ def test_damaged_bricks_are_not_joined(file, tmp_path):
         with pytest.raises(adj.FormatError) as caught:
             join()
         assert caught.value.path.endswith(bricks.bricks[1].file)
+    with pytest.warns(adj.BuildWarning, match="left out: .*brick.*R12"):
+        rest = pickle.loads(pickle.dumps(adj.Collection(tmp_path / "a.adjs", partial=True))).join(tmp_path / "b.adj")
+    assert 0 < rest.count < bricks.count
+    rest.verify()
     assert damaged.join(tmp_path / "b.adj", verify=False).count == bricks.count
 
 

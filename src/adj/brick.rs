@@ -102,14 +102,14 @@ struct ScanArguments {
 
 /// Agree on the codes of all bricks, from what scans of each brick found
 ///
-/// Exit code 0: bricks can be built; 1: scan all bricks once more, with the new plan.
+/// Exit code 0: bricks can be built; 1: scan the same bricks once more, with the new plan.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: adj brick agree plan.json found-0.json found-1.json -o agreed.json")]
 struct AgreeArguments {
     /// The plan that the bricks were scanned with
     #[arg(value_name = "PLAN.json")]
     plan: PathBuf,
-    /// What scans found, of each brick once
+    /// What scans found, of each scanned brick once
     #[arg(value_name = "FOUND.json", required = true)]
     found: Vec<PathBuf>,
     /// The new plan to write
@@ -159,7 +159,8 @@ fn plan(arguments: &PlanArguments) -> Result<Answer> {
     let Some(transfer) = arguments.classification.transfer(input.path())? else {
         return Err(Error::input("--range, --tf or --labels", "must say what is visible; all bricks need the same"));
     };
-    check_output("--output", &arguments.output, input.all_files(&source))?;
+    let texts = arguments.classification.files();
+    check_output("--output", &arguments.output, input.all_files(&source).chain(texts))?;
     let options = arguments.packing.options(transfer, None).with_levels(arguments.levels);
     let mut plan = Plan::new(source.header(), options, &arguments.cuts.sizes())?;
     if let Some(every) = arguments.cuts.preview {
@@ -182,7 +183,7 @@ fn scan(arguments: &ScanArguments) -> Result<Answer> {
     let ScanArguments { brick, output } = arguments;
     let input = Input::find(&brick.input)?;
     let (plan, mut source) = brick.open(&input)?;
-    check_output("--output", output, input.all_files(&source).chain([brick.plan.as_path()]))?;
+    check_output("--output", output, input.all_files(&source).chain([brick.plan.clone()]))?;
     let resources = brick.resources(std::env::temp_dir());
     let found = plan.scan(brick.number, &mut source, &resources, &mut Progress::new(brick.quiet))?;
     write(output, &serde_json::to_string(&found).expect("numbers are plain JSON"))?;
@@ -192,12 +193,12 @@ fn scan(arguments: &ScanArguments) -> Result<Answer> {
 
 fn agree(arguments: &AgreeArguments) -> Result<Answer> {
     let AgreeArguments { plan, found, output } = arguments;
-    check_output("--output", output, found.iter().chain([plan]).map(PathBuf::as_path))?;
+    check_output("--output", output, found.iter().chain([plan]))?;
     let findings = found.iter().map(|path| read::<Findings>(path)).collect::<Result<Vec<_>>>()?;
     let plan = read_plan(plan)?.agree(&findings)?;
     let is_agreed = plan.is_agreed()?;
     write(output, &plan.to_json())?;
-    let next = if is_agreed { "agreed: build the bricks" } else { "scan all bricks once more, with this plan" };
+    let next = if is_agreed { "agreed: build the bricks" } else { "scan the same bricks once more, with this plan" };
     print_result(&format!("{}: {next}", output.display()));
     if !is_agreed {
         return Ok(Answer::No);

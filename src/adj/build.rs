@@ -246,14 +246,11 @@ pub(super) fn classify_with_warnings(
     if built.samples.unnamed.voxels > 0 {
         let unnamed = built.samples.unnamed;
         let mut labels: Vec<String> = unnamed.lowest.iter().flatten().map(i64::to_string).collect();
-        // No palette shows labels below 0 without naming them.
-        let is_below = unnamed.lowest.iter().flatten().all(|label| *label < 0);
-        let advice = if is_below { "name them in a palette" } else { "add these labels, or take --labels distinct" };
         if labels.len() == unnamed.lowest.len() {
             *labels.last_mut().expect("one at least") = "...".into();
         }
         print_note(&format!(
-            "warning: {} voxels have labels that the palette does not name ({}) and are not drawn; {advice}",
+            "warning: {} voxels have labels that the palette does not name ({}) and are not drawn; add them to the palette (--labels distinct draws all labels above 0)",
             HumanCount(unnamed.voxels),
             labels.join(", "),
         ));
@@ -278,9 +275,8 @@ pub(super) fn classify_with_warnings(
 }
 
 /// Checks, before any work, that the output can be written and would replace nothing but an old .adj file; none of the `others`.
-pub(super) fn check_adj_output<'a>(output: &Path, others: impl IntoIterator<Item = &'a Path>) -> Result<()> {
-    // A folder may hold the volume's files and the output: no file of a volume is an .adj file.
-    check_output("--output", output, others.into_iter().filter(|other| !other.is_dir()))?;
+pub(super) fn check_adj_output(output: &Path, others: impl IntoIterator<Item = PathBuf>) -> Result<()> {
+    check_output("--output", output, others)?;
     // A header file may name other files that hold its samples, so those are kept too.
     let named = output.extension().is_some_and(|extension| extension == "adj");
     let old = std::fs::metadata(output).is_ok_and(|found| found.is_file() && found.len() > 0);

@@ -71,6 +71,11 @@ impl ClassificationArguments {
         }
     }
 
+    /// Returns the files that the flags name.
+    pub(super) fn files(&self) -> impl Iterator<Item = PathBuf> {
+        [&self.tf, &self.labels].into_iter().flatten().map(PathBuf::from).filter(|path| path.is_file())
+    }
+
     fn uncapped(&self, input: &Path) -> Result<Option<TransferFunction>> {
         if let Some(name) = &self.tf {
             return named(name).map(Some);

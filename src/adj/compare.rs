@@ -96,9 +96,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let Arguments { right, other, max_error, metric, diff, json, background } = arguments;
     let to_stdout = json.as_deref() == Some(Path::new("-"));
     let json_file = json.as_ref().filter(|_| !to_stdout);
-    let pictures = || [right, other].into_iter().map(PathBuf::as_path);
-    diff.as_ref().map_or(Ok(()), |path| check_output("--diff", path, pictures()))?;
-    json_file.map_or(Ok(()), |path| check_output("--json", path, pictures().chain(diff.as_deref())))?;
+    if let Some(path) = diff {
+        check_output("--diff", path, [right, other])?;
+    }
+    if let Some(path) = json_file {
+        check_output("--json", path, [right, other].into_iter().chain(diff))?;
+    }
     let kind = diff.as_ref().map(|path| PictureKind::of(path)).transpose()?;
     let (a, b) = (read_picture(right)?, read_picture(other)?);
     let metrics = compare(&a, &b, *background)?;

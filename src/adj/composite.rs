@@ -36,7 +36,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let kind = PictureKind::of(&arguments.output)?;
-    check_output("--output", &arguments.output, arguments.pictures.iter().map(PathBuf::as_path))?;
+    check_output("--output", &arguments.output, &arguments.pictures)?;
     let (first, farther) = arguments.pictures.split_first().expect("one at least is required");
     let mut picture = read_picture(first)?;
     for path in farther {

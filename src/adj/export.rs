@@ -84,10 +84,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     }
     let file = AdjFile::open(input)?;
     if is_same_file(input, output) {
-        return Err(Error::input(
-            "--output",
-            "is another file of this call, which it would replace; give another name",
-        ));
+        return Err(Error::input("--output", "is the input itself, which it would replace; give another name"));
     }
     let arena = file.arena()?;
     if !arguments.no_verify {

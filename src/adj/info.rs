@@ -47,18 +47,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let input = Input::find(&arguments.input)?;
     arguments.plot.iter().try_for_each(|plot| check_output("--plot", plot, input.files()))?;
     check_plots(&arguments.plot)?;
-    if Collection::is_at(input.path()) {
+    let is_collection = Collection::is_at(input.path());
+    if is_collection || is_adj(input.path())? {
+        let plot = (!arguments.plot.is_empty()).then_some("--plot");
+        if let Some(flag) = arguments.reading.given().chain(arguments.reading.level_given()).chain(plot).next() {
+            return Err(Error::input(flag, "is for volumes, but the input is no volume; leave it out"));
+        }
+    }
+    if is_collection {
         let answer = of_collection(&Collection::open(input.path())?);
         print_result(&if arguments.json { answer.to_string() } else { as_text(&answer) });
         return Ok(Answer::Yes);
     }
     if is_adj(input.path())? {
-        if !arguments.plot.is_empty() {
-            return Err(Error::input("--plot", "is for volumes, but the input is an .adj file; leave it out"));
-        }
-        if let Some(flag) = arguments.reading.given() {
-            return Err(Error::input(flag, "is for volumes, but the input is an .adj file; leave it out"));
-        }
         let answer = of_arena(input.path())?;
         print_result(&if arguments.json { answer.to_string() } else { as_text(&answer) });
         return Ok(Answer::Yes);

@@ -61,14 +61,14 @@ impl Input {
         &self.path
     }
 
-    /// Returns the paths of the files and folders.
-    pub(super) fn files(&self) -> impl Iterator<Item = &Path> {
-        self.files.iter().map(PathBuf::as_path)
+    /// Returns the paths of the files; folders, which may hold other files, are left out.
+    pub(super) fn files(&self) -> impl Iterator<Item = PathBuf> {
+        self.files.iter().filter(|file| !file.is_dir()).cloned()
     }
 
-    /// Returns the paths of the files and folders, and of the files that their headers name.
-    pub(super) fn all_files<'a>(&'a self, source: &'a dyn SlabSource) -> impl Iterator<Item = &'a Path> {
-        self.files().chain(source.data_files().iter().map(PathBuf::as_path))
+    /// Returns the paths of the files, and what `source`, which was opened from them, says of others.
+    pub(super) fn all_files(&self, source: &dyn SlabSource) -> impl Iterator<Item = PathBuf> {
+        self.files().chain(source.data_files())
     }
 }
 
@@ -125,8 +125,8 @@ pub(super) struct InputArguments {
 }
 
 impl InputArguments {
-    /// Returns the first flag of this group that is on the command line and is for volumes alone, if there is one.
-    pub(super) fn given(&self) -> Option<&'static str> {
+    /// Returns the flags of this group that are on the command line and are for volumes alone.
+    pub(super) fn given(&self) -> impl Iterator<Item = &'static str> {
         let flags = [
             ("--dims", self.dims.is_some()),
             ("--type", self.sample_type.is_some()),
@@ -139,7 +139,12 @@ impl InputArguments {
             ("--unscaled", self.unscaled),
             ("--flip", !self.flip.is_empty()),
         ];
-        flags.iter().find(|(_, given)| *given).map(|(flag, _)| *flag)
+        flags.into_iter().filter_map(|(flag, given)| given.then_some(flag))
+    }
+
+    /// Returns `--level` if it asks for another resolution than the finest.
+    pub(super) fn level_given(&self) -> Option<&'static str> {
+        (self.resolution() != 0).then_some("--level")
     }
 
     /// Returns the resolution to read of an image.
@@ -168,9 +173,7 @@ impl InputArguments {
     fn as_it_says(&self, Input { files, path: input }: &Input) -> Result<Box<dyn SlabSource>> {
         if let Some(phantom) = phantom(input)? {
             let takes = ["--dims", "--type", "--spacing", "--unscaled", "--flip"];
-            if let Some(flag) =
-                self.given().filter(|flag| !takes.contains(flag)).or((self.resolution() != 0).then_some("--level"))
-            {
+            if let Some(flag) = self.given().chain(self.level_given()).find(|flag| !takes.contains(flag)) {
                 return Err(Error::input(flag, "is for files, but the input is a phantom; leave it out"));
             }
             let sample_type = self.sample_type.map_or(SampleType::U8, |(sample_type, _)| sample_type);

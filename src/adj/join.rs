@@ -44,8 +44,12 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
-    let collection = open(&arguments.input, arguments.partial, !arguments.no_verify)?;
-    check_adj_output(&arguments.output, files_of(&collection).iter().map(PathBuf::as_path))?;
+    let mut collection = opened(&arguments.input)?;
+    check_adj_output(&arguments.output, files_of(&collection))?;
+    if !arguments.no_verify {
+        collection.leave_out_damaged();
+    }
+    name_faults(&collection, arguments.partial)?;
     let (memory, threads) = (Some(arguments.resources.memory()), arguments.resources.threads());
     let mut progress = Progress::new(arguments.quiet);
     let (facts, bytes) = collection.join(&arguments.output, memory, threads, &mut progress)?;
@@ -69,38 +73,40 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
 }
 
 /// Returns the paths of the collection's files.
-pub(super) fn files_of(collection: &Collection) -> Vec<PathBuf> {
+pub(super) fn files_of(collection: &Collection) -> impl Iterator<Item = PathBuf> {
     let Manifest { partitions, preview, .. } = collection.manifest();
     let bricks = partitions.iter().flatten().filter_map(|brick| brick.file.as_deref());
     let names = bricks.chain(preview.iter().map(|preview| preview.file.as_str())).chain([MANIFEST]);
-    names.map(|name| collection.path().join(name)).collect()
+    names.map(|name| collection.path().join(name))
 }
 
-/// Opens a collection and names each brick that cannot be used. Only if it is to `verify` them are all bytes of bricks checked.
+/// Opens a collection.
 ///
 /// # Errors
-/// [`Error::Input`] if there are such bricks, unless `partial`; the errors of [`Collection::open`].
-pub(super) fn open(path: &Path, partial: bool, verify: bool) -> Result<Collection> {
+/// [`Error::Input`] if `path` is a file; the errors of [`Collection::open`].
+pub(super) fn opened(path: &Path) -> Result<Collection> {
     if std::fs::metadata(path).is_ok_and(|found| !found.is_dir()) {
         return Err(Error::input(path.display().to_string(), "is a file; give the folder of a collection, NAME.adjs"));
     }
-    let mut collection = Collection::open(path)?;
-    if verify {
-        collection.leave_out_damaged();
-    }
+    Collection::open(path)
+}
+
+/// Names each brick that cannot be used.
+///
+/// # Errors
+/// [`Error::Input`] if there are such bricks, unless `partial`.
+pub(super) fn name_faults(collection: &Collection, partial: bool) -> Result<()> {
     let (faults, all) = (collection.faults(), collection.bricks().len());
     for fault in faults {
         print_note(&one_line(fault));
     }
     match faults.len() {
-        0 => Ok(collection),
-        missing if partial => {
-            print_note(&format!("note: {missing} of {all} bricks are left out"));
-            Ok(collection)
-        }
+        0 => {}
+        missing if partial => print_note(&format!("note: {missing} of {all} bricks are left out")),
         missing => {
             let why = format!("{missing} of {all} bricks cannot be used; mend them, or leave them out with --partial");
-            Err(Error::input(path.display().to_string(), why))
+            return Err(Error::input(collection.path().display().to_string(), why));
         }
     }
+    Ok(())
 }

@@ -219,15 +219,18 @@ fn is_same_file(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
-/// Checks, before any work, that `output` can be written and is none of the other files of the call, nor in a folder that is
-/// read. If it is stdout, results go to stderr from now on.
-fn check_output<'a>(flag: &str, output: &Path, others: impl IntoIterator<Item = &'a Path>) -> Result<()> {
+/// Checks, before any work, that `output` can be written and is none of the `others`: files of the call, and folders whose files
+/// are all read. If it is stdout, results go to stderr from now on.
+fn check_output(flag: &str, output: &Path, others: impl IntoIterator<Item = impl AsRef<Path>>) -> Result<()> {
     let is_within = |folder: &Path| {
         let paths = (folder.canonicalize(), output.canonicalize());
         folder.is_dir() && matches!(paths, (Ok(folder), Ok(output)) if output.starts_with(&folder))
     };
-    if others.into_iter().any(|other| is_same_place(output, other) || is_within(other)) {
-        return Err(Error::input(flag, "is another file of this call, which it would replace; give another name"));
+    let is = |other: &Path| is_same_place(output, other) || is_within(other);
+    if let Some(other) = others.into_iter().find(|other| is(other.as_ref())) {
+        let other = other.as_ref().display();
+        let why = format!("is {other}, which this call reads or writes, too; give another name");
+        return Err(Error::input(flag, why));
     }
     if ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].map(Path::new).contains(&output) {
         WRITES_TO_STDOUT.store(true, Ordering::Relaxed);

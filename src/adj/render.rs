@@ -118,16 +118,15 @@ fn part(text: &str) -> Result<[usize; 2], String> {
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let kind = PictureKind::of(&arguments.output)?;
     let input = Input::find(&arguments.input)?;
-    check_output("--output", &arguments.output, input.files().filter(|file| !file.is_dir()))?;
+    check_output("--output", &arguments.output, input.files())?;
     let outputs = if arguments.view.frames > 1 && kind != PictureKind::Apng {
         numbered(&arguments.output, arguments.view.frames)
     } else {
         vec![arguments.output.clone()]
     };
     if let Some(stats) = &arguments.stats {
-        let texts = [arguments.classification.tf.as_deref(), arguments.view.camera.as_deref()];
-        let others = outputs.iter().map(PathBuf::as_path).chain(texts.into_iter().flatten().map(Path::new));
-        check_output("--stats", stats, input.files().filter(|file| !file.is_dir()).chain(others))?;
+        let texts = arguments.classification.files().chain(arguments.view.camera.as_ref().map(PathBuf::from));
+        check_output("--stats", stats, input.files().chain(outputs.iter().cloned()).chain(texts))?;
     }
     let mut settings = arguments.look.settings(arguments.view.size, arguments.threads.unwrap_or_else(processors))?;
     settings.clip = arguments.view.clip;
@@ -150,7 +149,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         return job.draw_reference(settings);
     }
     if !is_volume {
-        if let Some(flag) = arguments.reading.given().or(arguments.packing.given()) {
+        if let Some(flag) = arguments.reading.given().next().or(arguments.packing.given()) {
             return Err(Error::input(flag, "is for volumes, but the input is an .adj file; leave it out"));
         }
         if is_collection {
@@ -168,6 +167,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         ));
     }
     let mut source = arguments.reading.open(&input)?;
+    if let Some(stats) = &arguments.stats {
+        check_output("--stats", stats, source.data_files())?;
+    }
     let transfer = arguments.classification.chosen(input.path(), &mut *source, arguments.quiet)?;
     let options = arguments.packing.options(transfer, bits);
     let header = source.header().clone();

@@ -174,8 +174,7 @@ fn coarsest_level(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Res
 /// # Errors
 /// [`Error::Interrupted`] if `go_on` returns false; the errors of [`cpu::render`].
 pub fn rounding(scene: &Scene, cameras: &[Camera], settings: &Settings, go_on: impl Fn() -> bool) -> Result<f64> {
-    let has_codes = scene.facts.channels.magnitude_bits > 0 && scene.transfer.uses_gradient();
-    if !has_codes || settings.mode.is_maximum() {
+    if scene.facts.channels.magnitude_bits == 0 || !scene.transfer.uses_gradient() {
         return Ok(0.0);
     }
     let settings = exact(settings);

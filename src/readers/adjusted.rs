@@ -51,7 +51,7 @@ impl SlabSource for AdjustedSource {
         self.inner.notes()
     }
 
-    fn data_files(&self) -> &[PathBuf] {
+    fn data_files(&self) -> Vec<PathBuf> {
         self.inner.data_files()
     }
 

@@ -235,8 +235,8 @@ impl SlabSource for SlabReader {
         &self.notes
     }
 
-    fn data_files(&self) -> &[PathBuf] {
-        &self.plan.files
+    fn data_files(&self) -> Vec<PathBuf> {
+        self.plan.files.clone()
     }
 }
 
@@ -263,11 +263,11 @@ pub(super) fn check_turn(header: &Header, slice: &Samples, slices_read: u32, los
     Ok(())
 }
 
-/// Checks that volume `index` is one of `count`; returns a note for the user if there are several.
+/// Checks that volume `index` is one of `count`; returns a note for the user if there are others than the first.
 pub(super) fn check_volume(index: u64, count: u64) -> Result<Option<String>> {
     if index < count {
-        let note = || format!("volume {index} of {count}, from 0, is read (`OpenOptions::volume_index` chooses)");
-        return Ok((count > 1).then(note));
+        let note = || format!("the first of {count} volumes is read (`OpenOptions::volume_index` chooses another)");
+        return Ok((count > 1 && index == 0).then(note));
     }
     let s = if count == 1 { "" } else { "s" };
     Err(Error::input("volume", format!("is {index}, but the file holds {count} volume{s}, counted from 0")))

@@ -185,16 +185,18 @@ fn render_leaves_its_input_alone() {
     folder.small_arena("a.adj");
     let old = std::fs::read(folder.file("a.adj")).expect("it was built");
     let render = "render a.adj --size 20x20 -o a.png";
-    folder.adj(&format!("{render} --stats a.adj")).refused(&["--stats", "another file of this call"]);
-    folder.adj(&format!("{render} --stats ./a.png")).refused(&["--stats", "another file of this call"]);
-    folder.adj("render a.adj --frames 3 -o a.png --stats a-001.png").refused(&["--stats", "another file of this call"]);
+    folder.adj(&format!("{render} --stats a.adj")).refused(&["--stats", "which this call reads or writes"]);
+    folder.adj(&format!("{render} --stats ./a.png")).refused(&["--stats", "which this call reads or writes"]);
+    folder
+        .adj("render a.adj --frames 3 -o a.png --stats a-001.png")
+        .refused(&["--stats", "which this call reads or writes"]);
     std::fs::write(folder.file("look.json"), "{}").expect("it can be written");
     folder
         .adj(&format!("{render} --tf look.json --stats look.json"))
-        .refused(&["--stats", "another file of this call"]);
+        .refused(&["--stats", "which this call reads or writes"]);
     folder
         .adj(&format!("{render} --camera look.json --stats look.json"))
-        .refused(&["--stats", "another file of this call"]);
+        .refused(&["--stats", "which this call reads or writes"]);
     assert_eq!(std::fs::read(folder.file("look.json")).expect("it is there"), b"{}");
     std::fs::remove_file(folder.file("look.json")).expect("it is there");
     folder.adj(&format!("{render} --stats gone/a.json")).refused(&["gone", "create it first"]);

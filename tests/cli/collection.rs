@@ -211,7 +211,7 @@ fn a_step_with_wrong_input_is_refused_and_writes_nothing() {
     folder.adj(&format!("brick scan plan.json 1 {volume} --type u16 -o f.json")).refused(&["another type or scale"]);
     folder
         .adj(&format!("brick scan plan.json 1 {volume} -o plan.json"))
-        .refused(&["--output", "another file of this call"]);
+        .refused(&["--output", "which this call reads or writes"]);
     folder.adj(&format!("brick scan found-0.json 1 {volume} -o f.json")).refused(&["found-0.json", "missing field"]);
     folder.adj(&format!("brick build plan.json 1 {volume} -o a.adjs")).refused(&["not agreed yet"]);
     folder.adj("brick agree plan.json found-0.json -o f.json").refused(&["scan brick 1 too"]);
@@ -264,7 +264,7 @@ fn parts_of_a_picture_composite_to_the_whole() {
     folder
         .adj("composite 1.exr small.exr -o b.exr")
         .refused(&["small.exr", "is 20x20, but the first picture is 60x50"]);
-    folder.adj("composite 1.exr 2.exr -o 2.exr").refused(&["--output", "another file of this call"]);
+    folder.adj("composite 1.exr 2.exr -o 2.exr").refused(&["--output", "which this call reads or writes"]);
     folder.adj("composite 1.exr no.exr -o b.exr").refused(&["no.exr"]);
     folder.adj("composite 1.exr 2.exr -o b.txt").refused(&["b.txt"]);
     folder.adj("render a.adjs --bricks --part 3/2 -o b.exr").refused(&["--part", "2/4"]);
@@ -343,11 +343,11 @@ fn an_output_does_not_replace_a_file_of_the_collection_that_is_read() {
     folder.adj("split a.adj -o slabs.adjs --slab 8 --preview 2").done();
     let brick = "slabs.adjs/brick-0-00000-00000-00000.adj";
     for own in [brick, "slabs.adjs/preview.adj", "slabs.adjs/collection.json"] {
-        folder.adj(&format!("join slabs.adjs -o {own}")).refused(&["--output", "another file of this call"]);
+        folder.adj(&format!("join slabs.adjs -o {own}")).refused(&["--output", "which this call reads or writes"]);
         for flags in ["", "--bricks", "--preview"] {
             folder
                 .adj(&format!("render slabs.adjs {flags} --size 8x8 -o o.png --stats {own}"))
-                .refused(&["--stats", "another file of this call"]);
+                .refused(&["--stats", "which this call reads or writes"]);
         }
     }
     folder.adj("verify slabs.adjs").done();
@@ -364,7 +364,9 @@ fn finishing_again_makes_a_whole_preview_though_its_parts_are_gone() {
         folder.adj(&format!("brick scan plan.json {brick} {volume} -o found-{brick}.json")).done();
     }
     folder.adj("brick agree plan.json found-0.json found-1.json found-2.json found-3.json -o agreed.json").done();
-    folder.adj("brick agree plan.json found-0.json -o plan.json").refused(&["--output", "another file of this call"]);
+    folder
+        .adj("brick agree plan.json found-0.json -o plan.json")
+        .refused(&["--output", "which this call reads or writes"]);
     for brick in 0..4 {
         folder.adj(&format!("brick build agreed.json {brick} {volume} -o a.adjs")).done();
     }

@@ -78,7 +78,7 @@ fn what_cannot_be_compared_is_refused() {
     refused("a.png a.png --max-error NaN", &["--max-error", "must be a number"]);
     refused("a.png a.png --background transparent", &["--background", "give a colour"]);
     refused("a.png small.png --diff a.png", &["--diff", "give another name"]);
-    refused("a.png a.png --diff d.png --json ./d.png", &["--json", "another file of this call"]);
+    refused("a.png a.png --diff d.png --json ./d.png", &["--json", "which this call reads or writes"]);
     render(&folder, "--frames 2 --renderer cpu -o turn.apng");
     refused("a.png turn.apng", &["turn.apng", "animation of 2 frames"]);
     std::fs::remove_file(folder.file("turn.apng")).expect("it is there");

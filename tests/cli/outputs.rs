@@ -53,23 +53,30 @@ fn the_volume_itself_is_never_overwritten() {
     folder.write("v.raw", &RAW);
     folder.write("v.adj", &RAW);
     let raw = "--dims 4x3x2 --type u8 --range 1..";
-    folder.build_refused(&format!("v.raw {raw} -o v.raw"), &["--output", "another file of this call"]);
-    folder.build_refused(&format!("v.raw {raw} -o ./v.raw"), &["another file of this call"]);
-    folder.build_refused(&format!("v.adj {raw} -o v.adj"), &["another file of this call"]);
+    folder.build_refused(&format!("v.raw {raw} -o v.raw"), &["--output", "which this call reads or writes"]);
+    folder.build_refused(&format!("v.raw {raw} -o ./v.raw"), &["which this call reads or writes"]);
+    folder.build_refused(&format!("v.adj {raw} -o v.adj"), &["which this call reads or writes"]);
     // The file that a header names is as much the volume.
     folder.write("v.nhdr", b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 3 2\nencoding: raw\ndata file: v.raw\n\n");
-    folder.build_refused("v.nhdr --range 1.. -o v.raw", &["--output", "another file of this call"]);
+    folder.build_refused("v.nhdr --range 1.. -o v.raw", &["--output", "which this call reads or writes"]);
     #[cfg(unix)]
     {
         std::os::unix::fs::symlink("v.raw", folder.file("link")).expect("new");
-        folder.build_refused(&format!("v.raw {raw} -o link"), &["another file of this call"]);
+        folder.build_refused(&format!("v.raw {raw} -o link"), &["which this call reads or writes"]);
     }
     // Programs that write no .adj file cannot tell the volume from an old output.
-    folder.adj("raw v.nhdr -o v.raw").refused(&["--output", "another file of this call"]);
+    folder.adj("raw v.nhdr -o v.raw").refused(&["--output", "which this call reads or writes"]);
     folder.adj("brick plan v.nhdr --range 1.. --slab 1 -o plan.json").done();
-    folder.adj("brick scan plan.json 0 v.nhdr -o v.nhdr").refused(&["--output", "another file of this call"]);
-    folder.adj("brick scan plan.json 0 v.nhdr -o v.raw").refused(&["--output", "another file of this call"]);
-    std::fs::remove_file(folder.file("plan.json")).expect("it is there");
+    folder.adj("brick scan plan.json 0 v.nhdr -o v.nhdr").refused(&["--output", "which this call reads or writes"]);
+    folder.adj("brick scan plan.json 0 v.nhdr -o v.raw").refused(&["--output", "which this call reads or writes"]);
+    folder.write("look.json", b"{\"kind\": \"range\", \"low\": 1}");
+    let plan = "brick plan v.nhdr --slab 1 --tf look.json -o look.json";
+    folder.adj(plan).refused(&["--output", "look.json, which this call reads or writes"]);
+    let render = "render v.nhdr --range 1.. --size 8x8 -o a.png --stats v.raw";
+    folder.adj(render).refused(&["--stats", "v.raw, which this call reads or writes"]);
+    for name in ["plan.json", "look.json"] {
+        std::fs::remove_file(folder.file(name)).expect("it is there");
+    }
     assert_eq!(std::fs::read(folder.file("v.raw")).expect("it is there"), RAW);
     assert_eq!(std::fs::read(folder.file("v.adj")).expect("it is there"), RAW);
     // An empty file costs nobody anything, and an .adj file may have any name.

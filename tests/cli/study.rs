@@ -24,7 +24,7 @@ fn results_replace_neither_the_set_nor_each_other() {
     folder.adj("build phantom:shells --dims 16x16x16 -o a.adj").done();
     let old = std::fs::read(folder.file("a.adj")).unwrap();
     let refused = |line: &str, flag: &str| {
-        folder.adj(&format!("study {line}")).refused(&[flag, "another file of this call"]);
+        folder.adj(&format!("study {line}")).refused(&[flag, "which this call reads or writes"]);
     };
     for study in ["memory", "walk", "speed", "cache", "layouts", "levels"] {
         refused(&format!("{study} a.adj --json ./a.adj"), "--json");

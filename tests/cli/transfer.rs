@@ -442,7 +442,7 @@ fn labels_that_the_palette_does_not_name_are_told_of_with_their_number() {
     let build = label_map(&folder, &[0, 1, 3, 9, 1, 7, 11, 300]);
     folder.write("p.ctbl", b"0 Black 0 0 0 0\n1 organ 200 100 50 255\n9 hidden 1 2 3 0\n");
     let told = folder.adj(&format!("build {build} --labels p.ctbl"));
-    let want = "adj: warning: 32 voxels have labels that the palette does not name (3, 7, 11, ...) and are not drawn; add these labels, or take --labels distinct\n";
+    let want = "adj: warning: 32 voxels have labels that the palette does not name (3, 7, 11, ...) and are not drawn; add them to the palette (--labels distinct draws all labels above 0)\n";
     assert_eq!(told.stderr, want);
     assert!(told.done().contains("16 voxels are visible"));
     assert_eq!(folder.adj(&format!("render {build} --labels p.ctbl").replace(".adj", ".png")).stderr, want);

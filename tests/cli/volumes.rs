@@ -95,6 +95,7 @@ fn several_inputs_that_are_no_slices_are_refused() {
     folder.build_refused("a.nrrd sub --range 1.. -o out.adj", &["sub: is one of several inputs", "give one input"]);
     folder.build_refused("a.adj a.adj --range 1.. -o out.adj", &["are .adj files, which are no slices"]);
     folder.adj("info a.adj --spacing 1x1x2").refused(&["--spacing", "is for volumes"]);
+    folder.adj("info a.adj --level 1").refused(&["--level", "is for volumes"]);
     folder.build_refused("*.tif --range 1.. -o out.adj", &["cannot open *.tif: no file matches"]);
     folder.build_refused("[*.tif --range 1.. -o out.adj", &["is no pattern"]);
 }
@@ -118,12 +119,9 @@ fn a_file_of_several_volumes_says_which_is_read() {
     let folder = Folder::new();
     let header = "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 3 1 2\nencoding: raw\n\n";
     folder.write("a.nrrd", &[header.as_bytes(), &RAW].concat());
-    let ran = folder.adj("info a.nrrd --volume 1");
-    assert!(
-        ran.code == Some(0) && ran.stderr.contains("volume 1 of 2, from 0, is read (--volume chooses)"),
-        "{}",
-        ran.stderr
-    );
+    let told = folder.adj("info a.nrrd").stderr;
+    assert!(told.contains("the first of 2 volumes is read (--volume chooses another)"), "{told}");
+    assert_eq!(folder.adj("info a.nrrd --volume 1").stderr, "");
 }
 
 #[test]
@@ -322,7 +320,14 @@ fn a_dicom_folder_is_built_and_what_was_left_out_is_told() {
     folder.build_refused("series --series 1 --range 1.. -o new.adj", &["series", "no series \"1\"", "3 slices"]);
     folder.build_refused("series --level 1 --range 1.. -o new.adj", &["level", "only OME-Zarr"]);
     folder.build_refused("phantom:noise --series 1 -o new.adj", &["--series", "a phantom"]);
-    folder.build_refused("phantom:noise --volume 1 -o new.adj", &["--volume", "a phantom"]);
+    folder.build_refused("phantom:noise --dims 9x9x9 --volume 1 -o new.adj", &["--volume", "a phantom"]);
+    // The same output again is no mistake, also in the folder that is read; a slice is.
+    folder.adj("raw series -o series/all.raw").done();
+    folder.adj("raw series -o series/all.raw").done();
+    let words = ["raw".into(), folder.file("series"), "-o".into(), folder.file("series/IM 1")];
+    let ran = super::harness::adj(words);
+    assert!(ran.code == Some(2) && ran.stderr.contains("IM 1, which this call reads or writes"), "{}", ran.stderr);
+    std::fs::remove_file(folder.file("series/all.raw")).expect("it is there");
     folder.build_refused("phantom:noise --level 1 -o new.adj", &["--level", "a phantom"]);
     folder.write("v.raw", &RAW);
     folder.build_refused("v.raw --dims 4x3x2 --type u8 --series 1 --range 1.. -o new.adj", &["series", "DICOM"]);

@@ -1,9 +1,7 @@
 //! Draws collections: joined in memory or in a temporary file, or brick by brick.
 
-use std::path::PathBuf;
-
 use super::super::flags::one_line;
-use super::super::join::{files_of, open};
+use super::super::join::{files_of, name_faults, opened};
 use super::super::memory_shares::BoundedLanes;
 use super::super::progress::Progress;
 use super::super::renderer::Renderer;
@@ -26,7 +24,8 @@ impl RenderJob<'_> {
         if arguments.preview {
             return self.draw_preview(settings);
         }
-        let collection = open(self.input.path(), arguments.partial, false)?;
+        let collection = opened(self.input.path())?;
+        name_faults(&collection, arguments.partial)?;
         self.check_stats(&collection)?;
         if arguments.bricks {
             return self.draw_bricks(&collection, settings);
@@ -73,9 +72,8 @@ impl RenderJob<'_> {
     }
 
     fn check_stats(&self, collection: &Collection) -> Result<()> {
-        let others = files_of(collection);
-        let check = |stats: &PathBuf| check_output("--stats", stats, others.iter().map(PathBuf::as_path));
-        self.arguments.stats.as_ref().map_or(Ok(()), check)
+        let stats = self.arguments.stats.as_ref();
+        stats.map_or(Ok(()), |stats| check_output("--stats", stats, files_of(collection)))
     }
 
     fn draw_preview(&self, settings: Settings) -> Result<Answer> {

@@ -121,9 +121,9 @@ impl VisibleCodes {
         self.bits.get(place / 64).is_some_and(|word| word >> (place % 64) & 1 == 1)
     }
 
-    /// Returns a bit for each of the first 256 value codes; `None` if visibility depends on gradient magnitudes.
+    /// Returns a bit for each value code if they have 8 bits; `None` if they have 16, or visibility depends on magnitudes.
     pub(crate) fn of_bytes(&self) -> Option<&[u64; 4]> {
-        if self.by_magnitude { None } else { self.bits.first_chunk() }
+        self.bits.as_slice().try_into().ok()
     }
 
     /// Returns whether visibility depends on gradient magnitudes.

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! plan = Plan::new(header, options, brick size)
-//! until plan.is_agreed():      for each brick, anywhere:  plan.scan(brick, its samples) -> findings
+//! until plan.is_agreed():      for each brick of the first partition, anywhere:  plan.scan(brick, its samples) -> findings
 //!                              plan = plan.agree(all findings)
 //! for each brick, anywhere:    plan.build(brick, its samples, folder)
 //! plan.finish(folder) -> Collection
@@ -314,7 +314,7 @@ impl Plan {
     /// Scans brick `index`; `source` has the samples of [`Plan::samples_of`] and is at its first slice.
     ///
     /// # Errors
-    /// [`Error::Input`] if the samples are of another box or type; the errors of [`classify`](crate::build::classify) but
+    /// [`Error::Input`] if the brick is not one of the first partition, or the samples are of another box or type; the errors of [`classify`](crate::build::classify) but
     /// that nothing is visible.
     pub fn scan(
         &self,
@@ -325,7 +325,7 @@ impl Plan {
     ) -> Result<Findings> {
         let count = self.partitions()?[0].len();
         if index >= count {
-            return Err(Error::input("brick", format!("{index} is not scanned; scan those from 0 to {}", count - 1)));
+            return Err(Error::input("brick", format!("is {index}, but only bricks 0 to {} are scanned", count - 1)));
         }
         let found = self.found_in(index, source, resources, observer)?;
         Ok(Findings { brick: index, plan: self.checksum(), found })

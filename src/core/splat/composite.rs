@@ -149,14 +149,23 @@ impl<'a> Table<'a> {
         Ok(table)
     }
 
-    /// Returns the codes that both `lane` and the transfer function show; `None` if that is for the lane alone to say, as
-    /// the function shows all codes, or is that of the build, or there is no table of all pairs of codes.
+    /// Returns the codes that both `lane` and the transfer function show; `None` if the lane's own are enough: the function shows all
+    /// codes that the build's function shows, or that one is not known. There is no table of 16-bit values with magnitudes.
     fn shown_codes(&self, lane: &Lane) -> Option<VisibleCodes> {
-        let shows = |value, magnitude| self.look(value, magnitude)[3] > 0.0;
+        let Scene { facts, lanes, transfer } = self.scene;
+        let build = lanes.build_function().filter(|build| *build != transfer)?;
         let by_magnitude = self.key != LookKey::Value || lane.shown.is_some_and(VisibleCodes::by_magnitude);
+        let shows = |value, magnitude| self.look(value, magnitude)[3] > 0.0;
+        let is_built = |value, magnitude| {
+            let magnitude = if by_magnitude { self.magnitude(magnitude) } else { f64::MAX };
+            stored_depth(build, &facts.scales, value, magnitude) > 0.0
+        };
+        let last = lane.channels.last_value_code();
+        let mut codes =
+            (0..=last).flat_map(|value| (0..=if by_magnitude { u8::MAX } else { 0 }).map(move |code| (value, code)));
         let is_small = lane.channels.value_bits == 8 || !by_magnitude;
-        let hides_some = is_small && self.looks.iter().any(|look| look[3] <= 0.0);
-        (hides_some && self.scene.lanes.build_function() != Some(self.scene.transfer)).then(|| {
+        let hides_some = is_small && codes.any(|(value, code)| !shows(value, code) && is_built(value, code));
+        hides_some.then(|| {
             VisibleCodes::of(lane.channels, by_magnitude, |value, magnitude| {
                 shows(value, magnitude) && lane.shown.is_none_or(|shown| shown.has(value, magnitude))
             })

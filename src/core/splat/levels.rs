@@ -63,6 +63,8 @@ pub struct LevelScene<'a> {
     lanes: &'a dyn Lanes,
     level: usize,
     transfer: TransferFunction,
+    /// Whether the scene is drawn with the function that it was built with, but for lengths.
+    is_as_built: bool,
 }
 
 impl LevelScene<'_> {
@@ -76,6 +78,10 @@ impl Lanes for LevelScene<'_> {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
         self.lanes.lane_of(self.level, axis)
     }
+
+    fn build_function(&self) -> Option<&TransferFunction> {
+        if self.is_as_built { Some(&self.transfer) } else { self.lanes.build_function() }
+    }
 }
 
 impl LevelPart {
@@ -87,7 +93,14 @@ impl LevelPart {
         let length = scene.facts.grid.mean_spacing();
         let reference = scene.transfer.reference_length().unwrap_or(length);
         let transfer = scene.transfer.clone().with_voxel_length(length)?.with_reference_length(reference)?;
-        Ok(LevelScene { facts: facts_of(scene, self.level), lanes: scene.lanes, level: self.level, transfer })
+        let is_as_built = scene.lanes.build_function() == Some(scene.transfer);
+        Ok(LevelScene {
+            facts: facts_of(scene, self.level),
+            lanes: scene.lanes,
+            level: self.level,
+            transfer,
+            is_as_built,
+        })
     }
 
     /// Returns the settings with which the part is drawn.

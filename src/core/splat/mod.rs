@@ -402,7 +402,8 @@ fn require_pixels(size: [u32; 2]) -> Result<()> {
 pub struct Stats {
     /// Number of splats that reached the picture. A splat on the border between two threads' parts counts twice.
     pub splats_drawn: u64,
-    /// Number of voxels that were visited but not drawn: transparent, outside the picture, or hidden by opaque ones.
+    /// Number of voxels that were visited but not drawn: outside the picture, or hidden by opaque ones. Voxels that the transfer
+    /// function hides may be left out of this count.
     pub splats_skipped: u64,
     /// Number of bands (parts of the picture, one per thread) that were drawn at a time.
     pub bands: usize,

@@ -9,6 +9,7 @@
 //!     put them in the medium order                                             lines.rs
 //!     in groups that fill a batch
 //!         for each line, decode its steps to coordinates, in the fast order    decode.rs
+//!         if the lane hides some voxels, keep those that it shows              decode.rs
 //! ```
 //!
 //! Departures for speed:

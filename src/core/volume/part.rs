@@ -70,7 +70,7 @@ impl<S: SlabSource> SlabSource for PartSource<S> {
         self.source.notes()
     }
 
-    fn data_files(&self) -> &[PathBuf] {
+    fn data_files(&self) -> Vec<PathBuf> {
         self.source.data_files()
     }
 }

@@ -108,9 +108,10 @@ pub trait SlabSource: Send {
         &[]
     }
 
-    /// Returns the files with the samples if a header names them; none by default.
-    fn data_files(&self) -> &[PathBuf] {
-        &[]
+    /// Returns the files that hold the samples, and folders whose files all belong to the volume; none if the source does not
+    /// know.
+    fn data_files(&self) -> Vec<PathBuf> {
+        Vec::new()
     }
 
     /// Returns the labels that the file names, if it says that its values are labels; they are none if it names none.
@@ -149,7 +150,7 @@ macro_rules! by_pointer {
                 (**self).notes()
             }
 
-            fn data_files(&self) -> &[PathBuf] {
+            fn data_files(&self) -> Vec<PathBuf> {
                 (**self).data_files()
             }
 

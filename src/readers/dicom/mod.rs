@@ -185,6 +185,10 @@ impl SlabSource for DicomReader {
     fn notes(&self) -> &[String] {
         &self.notes
     }
+
+    fn data_files(&self) -> Vec<PathBuf> {
+        self.files.iter().map(|file| file.path.clone()).collect()
+    }
 }
 
 /// Scales stored samples to values by the frame's slope and intercept, and writes them to `numbers`.

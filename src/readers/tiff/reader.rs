@@ -153,6 +153,10 @@ impl SlabSource for TiffReader {
         &self.notes
     }
 
+    fn data_files(&self) -> Vec<PathBuf> {
+        self.files.clone()
+    }
+
     fn labels(&self) -> Option<&[StatedLabel]> {
         self.labels.as_deref()
     }

@@ -74,7 +74,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let index = axes.volume(&array, options.volume_index.into(), &mut notes)?;
     let format = if found.image.is_some() { "OME-Zarr" } else { "Zarr" };
     let header = Header { grid, sample_type: array.sample_type, slope, intercept, name: file_name(path), format };
-    Ok(Box::new(ZarrReader::new(header, array, axes.space, index, notes)?))
+    Ok(Box::new(ZarrReader::new(header, array, axes.space, index, notes, path.to_path_buf())?))
 }
 
 /// The content of a folder: an array, or an image of several levels.
@@ -314,6 +314,8 @@ struct ZarrReader {
     loaded: Option<u64>,
     slices_read: u32,
     notes: Vec<String>,
+    /// The folder that holds the array, and all else of the image.
+    folder: PathBuf,
 }
 
 impl ZarrReader {
@@ -323,12 +325,23 @@ impl ZarrReader {
         space: [Option<usize>; 3],
         index: Vec<u64>,
         mut notes: Vec<String>,
+        folder: PathBuf,
     ) -> Result<ZarrReader> {
         let files = ChunkFiles::list(&array, space, &index)?;
         notes.extend(absence(&array, space, &files)?);
         let chunks = ChunkReader::new(array);
-        let reader =
-            ZarrReader { header, chunks, files, space, index, layer: Vec::new(), loaded: None, slices_read: 0, notes };
+        let reader = ZarrReader {
+            header,
+            chunks,
+            files,
+            space,
+            index,
+            layer: Vec::new(),
+            loaded: None,
+            slices_read: 0,
+            notes,
+            folder,
+        };
         let need = reader.buffer_bytes();
         let have = obtainable(need);
         if have < need {
@@ -485,5 +498,9 @@ impl SlabSource for ZarrReader {
 
     fn notes(&self) -> &[String] {
         &self.notes
+    }
+
+    fn data_files(&self) -> Vec<PathBuf> {
+        vec![self.folder.clone()]
     }
 }

@@ -33,7 +33,6 @@ mod stamps;
 pub(crate) mod task;
 pub(crate) mod tile_buffer;
 mod tile_composite;
-mod timed_visitor;
 mod visible;
 pub(crate) mod voxel_block;
 mod warp;

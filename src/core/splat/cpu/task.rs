@@ -13,7 +13,6 @@ use super::lattice::Lattice;
 use super::look_tables::LookTables;
 use super::project::Projector;
 use super::tile_buffer::{Rect, TILE, TileBuffer};
-use super::timed_visitor::TimedVisitor;
 use super::visible::VisibleRecords;
 use super::warp::halved;
 use super::{band, dispatch, gather, maximum, plain};
@@ -23,7 +22,7 @@ use crate::splat::composite::{Blending, Table};
 use crate::splat::setup::FrameSetup;
 use crate::splat::view::{PixelMap, View};
 use crate::splat::{Code, Frame, Settings};
-use crate::traverse::{Visitor, VoxelBox, tile_bounds, walk};
+use crate::traverse::{Batch, Visitor, VoxelBox, tile_bounds, walk};
 
 /// Holds what the threads that draw a frame share.
 pub(super) struct DrawTask<'a> {
@@ -227,6 +226,32 @@ impl<'a> DrawTask<'a> {
         }
         borders.push(i32::try_from(side).unwrap_or(i32::MAX));
         borders
+    }
+}
+
+/// Passes the batches of a walk to `painter`, and measures the time that it takes.
+struct TimedVisitor<'a> {
+    painter: &'a mut dyn Visitor,
+    /// Number of voxels that the painter received.
+    visited: u64,
+    /// Time that the painter took for them.
+    drawing: Duration,
+}
+
+impl Visitor for TimedVisitor<'_> {
+    fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
+        self.painter.wants_tile(bounds)
+    }
+
+    fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
+        self.painter.wants_row(bounds)
+    }
+
+    fn visit(&mut self, batch: &Batch) {
+        let start = Instant::now();
+        self.painter.visit(batch);
+        self.visited += batch.len() as u64;
+        self.drawing += start.elapsed();
     }
 }
 
