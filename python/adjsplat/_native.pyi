@@ -141,7 +141,7 @@ class Collection:
     def join(
         self,
         path: str,
-        verify_and_partial: tuple[bool, bool],
+        checks: tuple[bool, bool],
         memory: int | None,
         threads: int | None,
         progress: Callable[[str, int, int], Any] | None,

@@ -201,13 +201,13 @@ impl Collection {
         py.detach(|| self.0.check().iter().map(ToString::to_string).collect())
     }
 
-    /// Joins the bricks to a file and opens it. With `verify`, every byte of the bricks is checked first; if `partial`, those that are
-    /// damaged are left out. Also returns what is wrong with bricks that are left out, one line each.
+    /// Joins the bricks to a file and opens it. `checks`: whether every byte of the bricks is checked first, and whether those that
+    /// are damaged are left out. Also returns what is wrong with bricks that are left out, one line each.
     fn join(
         &self,
         py: Python<'_>,
         path: PathBuf,
-        [verify, partial]: [bool; 2],
+        checks: [bool; 2],
         memory: Option<u64>,
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
@@ -217,10 +217,10 @@ impl Collection {
         let mut watch = Watch::new(progress, raised.clone());
         let joined = py.detach(|| {
             let mut checked = None;
-            match (verify, partial) {
-                (true, true) => checked.insert(collection::Collection::open(self.0.path())?).leave_out_damaged(),
-                (true, false) => check_bricks(&self.0)?,
-                (false, _) => {}
+            match checks {
+                [true, true] => checked.insert(collection::Collection::open(self.0.path())?).leave_out_damaged(),
+                [true, false] => check_bricks(&self.0)?,
+                [false, _] => {}
             }
             let collection = checked.as_ref().unwrap_or(&self.0);
             collection.join(&path, memory, threads, &mut watch)?;

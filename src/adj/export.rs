@@ -10,7 +10,7 @@ use super::classification::ClassificationArguments;
 use super::info::is_adj;
 use super::progress::Progress;
 use super::stored::missing_values;
-use super::{Answer, is_same_file, print_note, print_result};
+use super::{Answer, check_apart, print_note, print_result};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::AdjFile;
 use adjsplat::internals::drawable;
@@ -83,9 +83,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         return Err(Error::input(input.display().to_string(), why));
     }
     let file = AdjFile::open(input)?;
-    if is_same_file(input, output) {
-        return Err(Error::input("--output", "is the input itself, which it would replace; give another name"));
-    }
+    check_apart("--output", output, [input.clone()].into_iter().chain(arguments.classification.files()))?;
     let arena = file.arena()?;
     if !arguments.no_verify {
         arena.check().map_err(|fault| Error::Format { path: input.clone(), fault })?;

@@ -214,24 +214,27 @@ fn printable(text: &str) -> String {
     text.chars().map(|c| if is_kept(c) { c.to_string() } else { c.escape_default().to_string() }).collect()
 }
 
-/// Returns whether both paths lead to the same existing file.
-fn is_same_file(a: &Path, b: &Path) -> bool {
-    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
-}
-
-/// Checks, before any work, that `output` can be written and is none of the `others`: files of the call, and folders whose files
-/// are all read. If it is stdout, results go to stderr from now on.
-fn check_output(flag: &str, output: &Path, others: impl IntoIterator<Item = impl AsRef<Path>>) -> Result<()> {
+/// Checks that `output` is none of the `others`: files of the call, and folders whose files are all read.
+fn check_apart(flag: &str, output: &Path, others: impl IntoIterator<Item = impl AsRef<Path>>) -> Result<()> {
     let is_within = |folder: &Path| {
         let paths = (folder.canonicalize(), output.canonicalize());
         folder.is_dir() && matches!(paths, (Ok(folder), Ok(output)) if output.starts_with(&folder))
     };
-    let is = |other: &Path| is_same_place(output, other) || is_within(other);
+    // Devices take anything, from several writers.
+    let is_device = std::fs::metadata(output).is_ok_and(|found| !found.is_file() && !found.is_dir());
+    let is = |other: &Path| !is_device && (is_same_place(output, other) || is_within(other));
     if let Some(other) = others.into_iter().find(|other| is(other.as_ref())) {
         let other = other.as_ref().display();
         let why = format!("is {other}, which this call reads or writes, too; give another name");
         return Err(Error::input(flag, why));
     }
+    Ok(())
+}
+
+/// Checks, before any work, that `output` can be written; and that it is none of the `others`, as [`check_apart`] does. If it is
+/// stdout, results go to stderr from now on.
+fn check_output(flag: &str, output: &Path, others: impl IntoIterator<Item = impl AsRef<Path>>) -> Result<()> {
+    check_apart(flag, output, others)?;
     if ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].map(Path::new).contains(&output) {
         WRITES_TO_STDOUT.store(true, Ordering::Relaxed);
     }

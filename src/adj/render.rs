@@ -38,7 +38,7 @@ use adjsplat::internals::{description, drawable};
 use adjsplat::limits::Limits;
 use adjsplat::splat::{Camera, Outline, Scene, Settings};
 use adjsplat::traverse::VoxelBox;
-use adjsplat::volume::Axis;
+use adjsplat::volume::{Axis, SlabSource};
 use adjsplat_judge::dial;
 use adjsplat_judge::reference::Judge;
 use adjsplat_pictures::PictureKind;
@@ -118,15 +118,15 @@ fn part(text: &str) -> Result<[usize; 2], String> {
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let kind = PictureKind::of(&arguments.output)?;
     let input = Input::find(&arguments.input)?;
-    check_output("--output", &arguments.output, input.files())?;
+    let texts = || arguments.classification.files().chain(arguments.view.camera.as_ref().map(PathBuf::from));
+    check_output("--output", &arguments.output, input.files().chain(texts()))?;
     let outputs = if arguments.view.frames > 1 && kind != PictureKind::Apng {
         numbered(&arguments.output, arguments.view.frames)
     } else {
         vec![arguments.output.clone()]
     };
     if let Some(stats) = &arguments.stats {
-        let texts = arguments.classification.files().chain(arguments.view.camera.as_ref().map(PathBuf::from));
-        check_output("--stats", stats, input.files().chain(outputs.iter().cloned()).chain(texts))?;
+        check_output("--stats", stats, input.files().chain(outputs.iter().cloned()).chain(texts()))?;
     }
     let mut settings = arguments.look.settings(arguments.view.size, arguments.threads.unwrap_or_else(processors))?;
     settings.clip = arguments.view.clip;
@@ -166,10 +166,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
             "note: --max-error does not count what {flag} rounds; leave it out, and 16 bits are stored"
         ));
     }
-    let mut source = arguments.reading.open(&input)?;
-    if let Some(stats) = &arguments.stats {
-        check_output("--stats", stats, source.data_files())?;
-    }
+    let mut source = job.source()?;
     let transfer = arguments.classification.chosen(input.path(), &mut *source, arguments.quiet)?;
     let options = arguments.packing.options(transfer, bits);
     let header = source.header().clone();
@@ -217,6 +214,13 @@ struct RenderJob<'a> {
 }
 
 impl RenderJob<'_> {
+    /// Opens the volume.
+    fn source(&self) -> Result<Box<dyn SlabSource>> {
+        let source = self.arguments.reading.open(self.input)?;
+        self.arguments.stats.as_ref().map_or(Ok(()), |stats| check_output("--stats", stats, source.data_files()))?;
+        Ok(source)
+    }
+
     fn open(&self, path: &Path) -> Result<AdjFile> {
         // As parsed JSON, a text takes more than ten times its bytes.
         let description_bytes = self.memory.map_or(u64::MAX, |memory| memory / 64);
@@ -325,7 +329,7 @@ impl RenderJob<'_> {
                 return Err(Error::input(flag, "is not for the reference, which approximates nothing; leave it out"));
             }
         }
-        let mut source = arguments.reading.open(self.input)?;
+        let mut source = self.source()?;
         let transfer = arguments.classification.chosen(self.input.path(), &mut *source, arguments.quiet)?;
         let judge = Judge::new(&mut *source, &transfer)?;
         let grid = judge.visible().grid().clone();

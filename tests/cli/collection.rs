@@ -174,7 +174,11 @@ fn steps_in_processes_of_their_own_give_the_bytes_of_one_build() {
         if agreed.code == Some(0) {
             break;
         }
-        assert!(agreed.code == Some(1) && agreed.stdout.contains("scan all bricks once more"), "{}", agreed.stderr);
+        assert!(
+            agreed.code == Some(1) && agreed.stdout.contains("scan the same bricks once more"),
+            "{}",
+            agreed.stderr
+        );
         assert!(round < 3, "scans come to an end");
     }
     for brick in (0..13).rev() {

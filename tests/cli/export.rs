@@ -353,7 +353,7 @@ fn what_cannot_be_exported_is_refused() {
         refused("a.adj -o /proc/a.nii", &["cannot create a file in /proc"]);
         refused("a.adj -o /proc/a.zarr", &["cannot create a folder in /proc"]);
         std::os::unix::fs::symlink("a.adj", folder.file("link.nii")).expect("new");
-        refused("a.adj -o link.nii", &["--output", "is the input itself"]);
+        refused("a.adj -o link.nii", &["--output", "is a.adj, which this call reads"]);
     }
 }
 

@@ -311,7 +311,7 @@ fn voxels_that_a_narrower_function_hides_are_not_visited() {
             let is_corner = x % 23 == 0 && y % 19 == 0 && z % 21 == 0;
             let [value, magnitude] = [30 + (x * 5 + y * 7 + z * 3) % 170, (x * 31 + y * 17 + z * 41) % 256];
             let [value, magnitude] = if is_corner { [200, 255] } else { [value, magnitude] };
-            Record { value, magnitude: magnitude as u8, ..Record::default() }
+            Record { value, magnitude: magnitude.to_le_bytes()[0], ..Record::default() }
         };
         let is_shown = |record: &Record| codes.has(record.value, record.magnitude);
         let grid = || Grid::new([24, 20, 22], [1.0, 1.0, 1.5]).unwrap();

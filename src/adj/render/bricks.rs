@@ -24,7 +24,10 @@ impl RenderJob<'_> {
         if arguments.preview {
             return self.draw_preview(settings);
         }
-        let collection = opened(self.input.path())?;
+        let mut collection = opened(self.input.path())?;
+        if arguments.partial {
+            collection.leave_out_damaged();
+        }
         name_faults(&collection, arguments.partial)?;
         self.check_stats(&collection)?;
         if arguments.bricks {

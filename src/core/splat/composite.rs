@@ -90,6 +90,24 @@ pub struct Table<'a> {
     shown: Option<VisibleCodes>,
 }
 
+/// Share of a lane's voxels that a function must hide for leaving them out of the walk to be worthwhile, as that reads the values of
+/// all voxels that the walk reaches. Measured: docs/studies/splats.md.
+const WORTHWHILE: f64 = 0.25;
+
+/// Returns whether `shown` hides that many of a lane's voxels, in a sample of about a thousand.
+fn hides_many(lane: &Lane, shown: &VisibleCodes) -> bool {
+    let (mut hidden, mut voxels) = (0u32, 0u32);
+    for record in (0..lane.steps.len()).step_by((lane.steps.len() / 1000).max(1)) {
+        lane.about_to_read(record..record + 1);
+        // A step of 0 is that of a stepping voxel.
+        if lane.steps[record] != 0 {
+            hidden += u32::from(!shown.has(lane.value_code(record), lane.magnitude_code(record)));
+            voxels += 1;
+        }
+    }
+    hidden > 0 && f64::from(hidden) >= WORTHWHILE * f64::from(voxels)
+}
+
 /// The codes that a look depends on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum LookKey {
@@ -164,12 +182,13 @@ impl<'a> Table<'a> {
         let mut codes =
             (0..=last).flat_map(|value| (0..=if by_magnitude { u8::MAX } else { 0 }).map(move |code| (value, code)));
         let is_small = lane.channels.value_bits == 8 || !by_magnitude;
-        let hides_some = is_small && codes.any(|(value, code)| !shows(value, code) && is_built(value, code));
-        hides_some.then(|| {
-            VisibleCodes::of(lane.channels, by_magnitude, |value, magnitude| {
-                shows(value, magnitude) && lane.shown.is_none_or(|shown| shown.has(value, magnitude))
-            })
-        })
+        if !is_small || !codes.any(|(value, code)| !shows(value, code) && is_built(value, code)) {
+            return None;
+        }
+        let shown = VisibleCodes::of(lane.channels, by_magnitude, |value, magnitude| {
+            shows(value, magnitude) && lane.shown.is_none_or(|shown| shown.has(value, magnitude))
+        });
+        hides_many(lane, &shown).then_some(shown)
     }
 
     /// Returns `lane`, for which the table was made, without the voxels that the transfer function hides.
