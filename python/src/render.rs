@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use crate::build::threads_or_all;
 use crate::errors::exception;
 use crate::model::Model;
-use crate::watch::Raised;
+use crate::watch::{Raised, unless_interrupted};
 
 /// How a picture is made.
 #[derive(FromPyObject)]
@@ -143,6 +143,6 @@ pub(crate) fn render<'py>(
 ) -> PyResult<Bound<'py, PyArray3<f32>>> {
     let camera = self::camera(camera)?;
     let settings = model.settings(py, &look, &camera, max_error, None)?;
-    let frame = py.detach(|| model.0.render(&camera, &settings)).map_err(exception)?;
+    let frame = unless_interrupted(py, |stop| model.0.render(&camera, &settings.with_stop(stop)))?;
     picture(py, &frame)
 }

@@ -1,11 +1,14 @@
 //! Watches long work: stops it for Ctrl-C, tells a Python function how far it is, and keeps what Python raised meanwhile.
 
 use std::ops::ControlFlow;
+use std::panic::resume_unwind;
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use adjsplat::build::{Observer, Phase, SampleSummary};
 use adjsplat::error::{Error, Result};
+use adjsplat::splat::StopRequest;
 use pyo3::prelude::*;
 
 use crate::errors::exception;
@@ -34,6 +37,32 @@ impl Raised {
     pub(crate) fn may_go_on(&self) -> bool {
         Python::attach(|py| py.check_signals()).map_err(|failure| self.keep(failure)).is_ok()
     }
+}
+
+/// Calls `draw` on another thread, with a request that Ctrl-C makes. Signals are looked at meanwhile, by the thread that called.
+pub(crate) fn unless_interrupted<T: Send>(
+    py: Python<'_>,
+    draw: impl FnOnce(StopRequest) -> Result<T> + Send,
+) -> PyResult<T> {
+    let (raised, stop) = (Raised::default(), StopRequest::default());
+    let drawn = py.detach(|| {
+        std::thread::scope(|scope| {
+            let (done, is_done) = channel::<()>();
+            let request = stop.clone();
+            let drawing = scope.spawn(move || {
+                let _until_the_end = done;
+                draw(request)
+            });
+            while is_done.recv_timeout(PAUSE) == Err(RecvTimeoutError::Timeout) {
+                if !raised.may_go_on() {
+                    stop.make();
+                }
+            }
+            drawing.join().unwrap_or_else(|panic| resume_unwind(panic))
+        })
+    });
+    // A signal at the very end is not lost.
+    raised.or(if stop.is_made() { Err(Error::Interrupted) } else { drawn })
 }
 
 /// Observes a build or an export for Python.

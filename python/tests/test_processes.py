@@ -119,6 +119,32 @@ def test_ctrl_c_stops_a_build_and_leaves_nothing(tmp_path):
     assert child.wait() == 0 and list(tmp_path.iterdir()) == []
 
 
+DRAWN = """
+import signal
+import numpy as np
+import adjsplat as adj
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+f = adj.build(np.random.default_rng(1).integers(1, 255, (128, 128, 128)).astype("u1"), visible=(1, None))
+print("ready", flush=True)
+try:
+    adj.render(f, (6000, 6000), quality="reference", mode="xray")
+except KeyboardInterrupt:
+    print("stopped", flush=True)
+"""
+
+
+def test_ctrl_c_stops_a_picture():
+    child = subprocess.Popen([sys.executable, "-c", DRAWN], stdout=subprocess.PIPE, text=True)
+    assert child.stdout.readline() == "ready\n"
+    time.sleep(0.7)
+    start = time.monotonic()
+    child.send_signal(signal.SIGINT)
+    assert child.stdout.readline() == "stopped\n"
+    assert time.monotonic() - start < 5
+    assert child.wait() == 0
+
+
 def test_other_threads_run_meanwhile(volume):
     """While a build works and a picture is drawn, another thread of Python counts."""
     big = np.repeat(np.repeat(np.repeat(volume, 8, 0), 8, 1), 8, 2)

@@ -7,12 +7,11 @@ use clap::Args;
 use serde_json::json;
 
 use super::classification::ClassificationArguments;
-use super::info::is_adj;
+use super::info::open_adj;
 use super::progress::Progress;
 use super::stored::missing_values;
 use super::{Answer, check_apart, print_note, print_result};
 use adjsplat::error::{Error, Result};
-use adjsplat::file::AdjFile;
 use adjsplat::internals::drawable;
 use adjsplat_export::{ExportFormat, ExportOptions, ExportReport, export};
 
@@ -78,11 +77,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
     let (input, output) = (&arguments.input, &arguments.output);
     ExportFormat::of(output)?;
-    if input.is_file() && !is_adj(input)? {
-        let why = "is no .adj file; build one from it first: adj build";
-        return Err(Error::input(input.display().to_string(), why));
-    }
-    let file = AdjFile::open(input)?;
+    let file = open_adj(input)?;
     check_apart("--output", output, [input.clone()].into_iter().chain(arguments.classification.files()))?;
     let arena = file.arena()?;
     if !arguments.no_verify {

@@ -86,6 +86,18 @@ pub(super) fn is_adj(path: &Path) -> Result<bool> {
     starts_as_adj(path)
 }
 
+/// Opens an `.adj` file.
+///
+/// # Errors
+/// [`Error::Input`] if `path` is another file; the errors of [`AdjFile::open`].
+pub(super) fn open_adj(path: &Path) -> Result<AdjFile> {
+    if path.is_file() && !is_adj(path)? {
+        let why = "is no .adj file; build one from it first: adj build";
+        return Err(Error::input(path.display().to_string(), why));
+    }
+    AdjFile::open(path)
+}
+
 fn of_collection(collection: &Collection) -> Value {
     let manifest = collection.manifest();
     let facts = manifest.facts();

@@ -2,31 +2,38 @@
 
 use std::io::IsTerminal as _;
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::LazyLock;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use adjsplat::build::{Observer, Phase};
 use adjsplat::file::abandon_writes;
+use adjsplat::splat::StopRequest;
 use adjsplat::volume::Axis;
 
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+static STOP: LazyLock<StopRequest> = LazyLock::new(StopRequest::default);
 
 /// Makes Ctrl-C ask the work to stop, so that no half-written file stays; a second Ctrl-C ends the process.
 pub(super) fn catch_interrupts() {
     // Without a handler, Ctrl-C ends the process at once and may leave a temporary file; that is no reason to fail.
     let _ = ctrlc::set_handler(|| {
-        if INTERRUPTED.swap(true, Ordering::Relaxed) {
+        if interrupted() {
             abandon_writes();
             std::process::exit(130);
         }
+        STOP.make();
     });
 }
 
 /// Returns whether Ctrl-C was pressed.
 pub(super) fn interrupted() -> bool {
-    INTERRUPTED.load(Ordering::Relaxed)
+    STOP.is_made()
+}
+
+/// Returns the request that Ctrl-C makes.
+pub(super) fn stop() -> StopRequest {
+    STOP.clone()
 }
 
 /// A progress bar for long work.

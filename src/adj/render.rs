@@ -21,7 +21,7 @@ use super::classification::ClassificationArguments;
 use super::info::is_adj;
 use super::input::{Input, InputArguments};
 use super::memory_shares::{BoundedLanes, MemoryShares};
-use super::progress::{Progress, interrupted};
+use super::progress::{Progress, interrupted, stop};
 use super::renderer::{RendererArguments, needs_volume};
 use super::resources::processors;
 use super::size::memory;
@@ -129,7 +129,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         check_output("--stats", stats, input.files().chain(outputs.iter().cloned()).chain(texts()))?;
     }
     let mut settings = arguments.look.settings(arguments.view.size, arguments.threads.unwrap_or_else(processors))?;
-    settings.clip = arguments.view.clip;
+    (settings.clip, settings.stop) = (arguments.view.clip, Some(stop()));
     let memory = arguments.memory;
     let is_collection = Collection::is_at(input.path());
     let flags = [("--bricks", arguments.bricks), ("--partial", arguments.partial), ("--preview", arguments.preview)];

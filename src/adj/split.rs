@@ -6,13 +6,13 @@ use std::time::Instant;
 use clap::Args;
 use serde_json::json;
 
+use super::info::open_adj;
 use super::progress::Progress;
 use super::resources::ResourceArguments;
 use super::values::{Choice, choice, number};
 use super::{Answer, print_note, print_result};
 use adjsplat::collection::{Partition, split};
 use adjsplat::error::{Error, Result};
-use adjsplat::file::AdjFile;
 
 /// Split an .adj file into a collection: a folder of bricks, each an .adj file of its own
 ///
@@ -100,7 +100,7 @@ fn brick(text: &str) -> Result<[u32; 3], String> {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
-    let file = AdjFile::open(&arguments.input)?;
+    let file = open_adj(&arguments.input)?;
     let arena = file.arena()?;
     if !arguments.no_verify {
         arena.check().map_err(|fault| Error::Format { path: arguments.input.clone(), fault })?;

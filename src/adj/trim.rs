@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::build::{LANES, TILE_ORDERS, check_adj_output, say_levels, stored_levels};
 use super::classification::ClassificationArguments;
-use super::info::is_adj;
+use super::info::open_adj;
 use super::progress::Progress;
 use super::resources::ResourceArguments;
 use super::stored::{missing_values, stored_transfer};
@@ -19,7 +19,7 @@ use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Arena, Levels, Region, TileOrder, Trim, TrimOptions, trim};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
-use adjsplat::file::{AdjFile, RowsOutput, write_rows};
+use adjsplat::file::{RowsOutput, write_rows};
 use adjsplat::traverse::VoxelBox;
 
 /// Make a smaller .adj file from an .adj file: crop it, show fewer voxels, or store less of each
@@ -101,11 +101,7 @@ enum Channel {
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
     let (memory, threads) = (arguments.resources.memory(), arguments.resources.threads());
-    if arguments.input.is_file() && !is_adj(&arguments.input)? {
-        let why = "is no .adj file; build one from it first: adj build";
-        return Err(Error::input(arguments.input.display().to_string(), why));
-    }
-    let file = AdjFile::open(&arguments.input)?;
+    let file = open_adj(&arguments.input)?;
     check_adj_output(&arguments.output, [])?;
     let arena = file.arena()?;
     let crop = arguments.crop.map(|crop| crop.in_grid(arena.facts().grid.dims)).transpose()?;

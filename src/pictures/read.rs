@@ -35,7 +35,7 @@ fn broken(path: &Path, fault: impl std::fmt::Display) -> Error {
 /// Refuses a picture of too large a `size` (columns and rows); `path` names it in errors.
 fn check_size(path: &Path, size: [u32; 2]) -> Result<()> {
     let Some(&side) = size.iter().find(|&&side| side > MAX_SIZE) else { return Ok(()) };
-    let what = format!("{}: picture size in pixels", path.display());
+    let what = format!("{}: pixels a side", path.display());
     Err(Error::Limit { what, need: side.into(), have: MAX_SIZE.into() })
 }
 

@@ -124,6 +124,22 @@ fn asked_twice_it_ends_even_where_it_waits() {
     assert!(folder.names().is_empty());
 }
 
+/// One frame was drawn to its end, for minutes.
+#[test]
+fn a_picture_that_takes_long_stops_and_leaves_nothing() {
+    let folder = Folder::new();
+    folder.adj("build phantom:noise --dims 128x128x128 --range 0.. -o n.adj --quiet").done();
+    for mode in ["xray --quality reference", "maximum"] {
+        let line = format!("render n.adj --mode {mode} --renderer cpu --perspective 50 --size 6000x6000 -o a.png");
+        let mut child = start(&folder, &line);
+        std::thread::sleep(Duration::from_millis(800));
+        assert!(child.try_wait().expect("it is ours").is_none(), "it draws");
+        signal(&child, "-INT");
+        assert_eq!(ended(&mut child, Duration::from_secs(10)), Some(2));
+        assert_eq!(folder.names(), ["n.adj"]);
+    }
+}
+
 #[test]
 fn a_turntable_that_is_stopped_says_which_frames_are_written() {
     let folder = Folder::new();

@@ -47,7 +47,7 @@ fn the_copied_command_makes_the_picture_of_the_view() {
         let line = line.replacen("adj ", &format!("'{}' ", Path::new(&program).display()), 1);
         let ran = Command::new("sh").arg("-c").arg(&line).current_dir(folder.path()).output().unwrap();
         assert!(ran.status.success(), "{line}: {}", String::from_utf8_lossy(&ran.stderr));
-        let (want, _) = picture(&drawn, &look, [90, 70], Quality::High).unwrap();
+        let (want, _) = picture(&drawn, &look, [90, 70], Quality::High, None).unwrap();
         let bytes = std::fs::read(folder.file("picture.png")).unwrap();
         let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
         let mut got = vec![0; reader.output_buffer_size().unwrap()];

@@ -5,7 +5,7 @@ use adjsplat::build::Built;
 use adjsplat::classify::{Point, TransferFunction, normal};
 use adjsplat::splat::{
     Blending, Camera, ClipPlane, Code, Frame, KernelShape, Lanes, Mode, Orbit, Projection, Quality, Scene, Settings,
-    Stats, cpu,
+    Stats, StopRequest, cpu,
 };
 use adjsplat::traverse::{Sense, VoxelBox};
 use adjsplat::volume::{Axis, Grid};
@@ -335,6 +335,26 @@ fn voxels_that_a_narrower_function_hides_are_not_visited() {
                 let is_known = value_bits == 8 || function == islands;
                 assert!(!is_known || visited(&work) <= visited(&least) * 11 / 10, "{what}: {work:?} {least:?}");
             }
+        }
+    }
+}
+
+#[test]
+fn a_requested_stop_ends_drawing() {
+    let model = shell();
+    let (stop, camera) = (StopRequest::default(), model.orbit(10.0, 20.0, Some(30.0), [40, 40]));
+    for mode in [Mode::Composite, Mode::Additive, Mode::Maximum] {
+        for (quality, code) in
+            [(Quality::Standard, Code::Best), (Quality::High, Code::Best), (Quality::Standard, Code::Plain)]
+        {
+            let settings = Settings::new([40, 40]).with_mode(mode).with_quality(quality).with_code(code);
+            let stopping =
+                |stop: &StopRequest| cpu::render(&model.scene(), &camera, &settings.clone().with_stop(stop.clone()));
+            let (frame, _) = stopping(&stop).unwrap();
+            assert!(bits(&frame) == bits(&model.render(&camera, &settings).0));
+            let made = StopRequest::default();
+            made.clone().make();
+            assert!(matches!(stopping(&made), Err(adjsplat::Error::Interrupted)), "{mode:?} {quality:?} {code:?}");
         }
     }
 }

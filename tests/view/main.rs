@@ -120,7 +120,7 @@ fn a_view_is_refined_from_draft_to_high_and_shows_the_librarys_picture() {
     assert_eq!(shown.quality, Quality::High);
     // The pixels of the view are those of the library's picture with this camera over the background.
     let Document { model, look, .. } = document(&driven);
-    let (image, _) = picture(model, look, [300, 200], Quality::Standard).unwrap();
+    let (image, _) = picture(model, look, [300, 200], Quality::Standard, None).unwrap();
     let settings = Settings::new([300, 200]);
     let mut frame = model.render(&look.eye.camera().unwrap(), &settings).unwrap();
     frame.over(Colour::from_bytes(look.background).linear());
@@ -185,7 +185,7 @@ fn a_graphics_device_draws_the_same_picture() {
     for model in [document.model.clone(), document.model.with_transfer(other).unwrap(), document.model.clone()] {
         let drawn = canvas.picture(&model, &document.look, [300, 200], Quality::High);
         let (image, _) = pollster::block_on(drawn).unwrap().unwrap();
-        let (want, work) = picture(&model, &document.look, [300, 200], Quality::High).unwrap();
+        let (want, work) = picture(&model, &document.look, [300, 200], Quality::High, None).unwrap();
         let ratio = decibels(&image, &want);
         // Measured 87 dB: of the 8-bit samples, one in hundreds differs by 1.
         assert!(ratio > 70.0 && work.device.is_none(), "{ratio} dB");
@@ -350,13 +350,13 @@ fn modes_crop_and_clip_change_the_picture() {
     assert!(document(&driven).look.crop.is_some());
     click(&mut driven, "Clip plane");
     let Document { model, look, .. } = document(&driven);
-    let (cut, stats) = picture(model, look, [200, 200], Quality::High).unwrap();
+    let (cut, stats) = picture(model, look, [200, 200], Quality::High, None).unwrap();
     let whole = Look { clip: None, ..look.clone() };
-    let (all, more) = picture(model, &whole, [200, 200], Quality::High).unwrap();
+    let (all, more) = picture(model, &whole, [200, 200], Quality::High, None).unwrap();
     assert!(cut.pixels != all.pixels && stats.splats != more.splats);
     for mode in [Mode::Maximum, Mode::MaximumGrey, Mode::Additive] {
         let look = Look { mode, ..look.clone() };
-        assert!(picture(model, &look, [50, 50], Quality::Draft).unwrap().0.pixels != all.pixels);
+        assert!(picture(model, &look, [50, 50], Quality::Draft, None).unwrap().0.pixels != all.pixels);
     }
 }
 

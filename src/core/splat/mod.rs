@@ -26,6 +26,8 @@ pub(crate) mod supersample;
 pub(crate) mod view;
 
 use std::fmt::Display;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde::{Deserialize, Serialize};
 
@@ -168,6 +170,31 @@ pub struct Settings {
     pub level: Option<usize>,
     /// The machine code that draws.
     pub code: Code,
+    /// Asks the processor's renderer to stop; `None` for never.
+    pub stop: Option<StopRequest>,
+}
+
+/// A request to stop drawing, from any thread; clones share it.
+#[derive(Debug, Clone, Default)]
+pub struct StopRequest(Arc<AtomicBool>);
+
+impl StopRequest {
+    /// Makes the request. It cannot be taken back.
+    pub fn make(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Returns whether the request was made.
+    pub fn is_made(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Whether they are one request.
+impl PartialEq for StopRequest {
+    fn eq(&self, other: &StopRequest) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
 }
 
 /// How many samples a renderer draws for the pixels of a picture.
@@ -230,6 +257,7 @@ impl Settings {
             sampling: None,
             level: None,
             code: Code::default(),
+            stop: None,
         }
     }
 
@@ -322,6 +350,12 @@ impl Settings {
     /// Sets the level of detail to draw; `None` leaves the choice to the view and the quality.
     pub fn with_level(self, level: impl Into<Option<usize>>) -> Settings {
         Settings { level: level.into(), ..self }
+    }
+
+    /// Stops drawing with [`Error::Interrupted`] once the request is made, within milliseconds, on the processor; graphics devices
+    /// draw on.
+    pub fn with_stop(self, stop: impl Into<Option<StopRequest>>) -> Settings {
+        Settings { stop: stop.into(), ..self }
     }
 
     /// Selects the machine code that draws, for tests and studies.

@@ -17,7 +17,7 @@ use std::sync::mpsc::{Receiver, channel};
 use adjsplat::Model;
 use adjsplat::classify::Colour;
 use adjsplat::error::Result;
-use adjsplat::splat::{Frame, Quality, Settings};
+use adjsplat::splat::{Frame, Quality, Settings, StopRequest};
 use egui::{Color32, ColorImage, Context};
 
 use crate::look::Look;
@@ -62,6 +62,8 @@ pub struct Painter {
     changed_at: f64,
     /// The best quality that was asked for since the look changed.
     asked_quality: Quality,
+    /// Stops the pictures finer than drafts that were asked for since then.
+    stop: StopRequest,
     draft_size: DraftSize,
     image: Option<Arc<ColorImage>>,
     shown: Option<Shown>,
@@ -85,6 +87,7 @@ impl Painter {
             look_index: 0,
             changed_at: 0.0,
             asked_quality: Quality::Draft,
+            stop: StopRequest::default(),
             draft_size: DraftSize::default(),
             image: None,
             shown: None,
@@ -111,13 +114,13 @@ impl Painter {
         let wanted = (look.clone(), version, size);
         if self.asked.as_ref() != Some(&wanted) {
             self.asked = Some(wanted);
-            self.look_index += 1;
+            self.begin_look();
             self.changed_at = time;
             self.asked_quality = Quality::Draft;
             self.draft.ask(self.request(model, look, size, Quality::Draft));
         } else if self.arrivals != arrivals && !self.is_best() {
             // What is shown was drawn from less. A picture as fine as before takes its place.
-            self.look_index += 1;
+            self.begin_look();
             if self.asked_quality != Quality::Draft {
                 self.asked_quality = Quality::Standard;
             }
@@ -179,9 +182,18 @@ impl Painter {
         })
     }
 
+    /// Counts a new look. Finer pictures of the one before would come too late: they leave the processor to its draft.
+    fn begin_look(&mut self) {
+        self.look_index += 1;
+        std::mem::take(&mut self.stop).make();
+    }
+
     fn request(&self, model: &Model, look: &Look, view: [u32; 2], quality: Quality) -> Request {
         let size = if quality == Quality::Draft { self.draft_size.of(view) } else { view };
-        Request { model: model.clone(), look: look.clone(), size, view, quality, look_index: self.look_index }
+        // Drafts are never stopped: those of older looks are shown while the view moves.
+        let stop = if quality == Quality::Draft { StopRequest::default() } else { self.stop.clone() };
+        let (model, look) = (model.clone(), look.clone());
+        Request { model, look, size, view, quality, stop, look_index: self.look_index }
     }
 
     /// Takes the pictures that are ready.
@@ -209,16 +221,28 @@ impl Painter {
     }
 }
 
+impl Drop for Painter {
+    fn drop(&mut self) {
+        self.stop.make();
+    }
+}
+
 fn rank(quality: Quality) -> usize {
     Quality::ALL.iter().position(|known| *known == quality).unwrap_or(0)
 }
 
-/// Returns the picture of a look, over its background, drawn by the processor.
+/// Returns the picture of a look, over its background, drawn by the processor until `stop` is requested.
 ///
 /// # Errors
 /// The errors of the camera, the settings and the renderer.
-pub fn picture(model: &Model, look: &Look, size: [u32; 2], quality: Quality) -> Result<(ColorImage, Work)> {
-    let mut settings = settings(model, look, size, quality)?;
+pub fn picture(
+    model: &Model,
+    look: &Look,
+    size: [u32; 2],
+    quality: Quality,
+    stop: impl Into<Option<StopRequest>>,
+) -> Result<(ColorImage, Work)> {
+    let mut settings = settings(model, look, size, quality)?.with_stop(stop);
     if quality == Quality::Draft {
         // The view moves. Where the processor paints the window too, it has a processor for that.
         settings.threads = settings.threads.saturating_sub(1).max(1);
@@ -243,4 +267,27 @@ fn image(mut frame: Frame, look: &Look, size: [u32; 2]) -> ColorImage {
     // Opaque. Egui's own function is compiled with little optimisation.
     let pixels = frame.to_srgb8().as_chunks().0.iter().map(|[r, g, b, _]| Color32::from_rgb(*r, *g, *b)).collect();
     ColorImage::new(size.map(|side| side as usize), pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use adjsplat::{Build, TransferFunction, Volume};
+
+    #[test]
+    fn a_new_look_stops_finer_pictures_of_the_one_before() {
+        let volume = Volume::new([20, 10, 30], vec![9u8; 6000]).unwrap();
+        let model = Build::new(TransferFunction::range(1.0, 10.0).unwrap()).run(&volume).unwrap();
+        let look = Look::first(&model, model.bounds().unwrap(), [0; 3], [200, 100]).unwrap();
+        let mut painter = Painter::new(&Context::default(), Renderer::Processor, Canvas::new(None));
+        let [draft, fine] =
+            [Quality::Draft, Quality::High].map(|quality| painter.request(&model, &look, [9, 9], quality));
+        assert!(!fine.stop.is_made());
+        painter.begin_look();
+        assert!(fine.stop.is_made() && !draft.stop.is_made());
+        let next = painter.request(&model, &look, [9, 9], Quality::High);
+        assert!(!next.stop.is_made());
+        drop(painter);
+        assert!(next.stop.is_made());
+    }
 }

@@ -7,7 +7,7 @@ use std::sync::mpsc::Sender;
 
 use adjsplat::Model;
 use adjsplat::error::Result;
-use adjsplat::splat::Quality;
+use adjsplat::splat::{Quality, StopRequest};
 use egui::{ColorImage, Context};
 use web_time::Instant;
 
@@ -36,6 +36,7 @@ pub(super) struct Request {
     /// The columns and rows of the view, which drafts are stretched to.
     pub(super) view: [u32; 2],
     pub(super) quality: Quality,
+    pub(super) stop: StopRequest,
     /// Counts the looks that were asked for.
     pub(super) look_index: u64,
 }
@@ -103,9 +104,9 @@ async fn work(
             request = newer;
         }
         let start = Instant::now();
-        let Request { model, look, size, view, quality, look_index } = request;
+        let Request { model, look, size, view, quality, stop, look_index } = request;
         let picture = match renderer {
-            Renderer::Processor => picture(&model, &look, size, quality)
+            Renderer::Processor => picture(&model, &look, size, quality, stop)
                 .map(|(image, work)| (stretched(image, view.map(|side| side as usize)), work)),
             // Nothing is drawn until what a finer picture needs has arrived; then it is asked for again.
             Renderer::Device => match canvas.picture(&model, &look, size, quality).await.transpose() {

@@ -54,8 +54,8 @@ use super::levels::{LevelPart, level_parts};
 use super::setup::FrameSetup;
 use super::supersample::Supersampling;
 use super::view::View;
-use super::{Camera, Scene, Settings, Stats};
-use crate::error::Result;
+use super::{Camera, Scene, Settings, Stats, StopRequest};
+use crate::error::{Error, Result};
 use crate::traverse::{Order, Sense, VoxelBox};
 
 /// Draws a frame.
@@ -63,9 +63,8 @@ use crate::traverse::{Order, Sense, VoxelBox};
 /// The result does not depend on `settings.threads` or `settings.code`. Memory: see [`memory_need`].
 ///
 /// # Errors
-/// [`Error::Input`](crate::Error::Input) or [`Error::Limit`](crate::Error::Limit) if the settings or the camera cannot
-/// be used; [`Error::OutOfMemory`](crate::Error::OutOfMemory); the error of [`Lanes::lane`](super::Lanes::lane) if that
-/// fails.
+/// [`Error::Input`] or [`Error::Limit`] if the settings or the camera cannot be used; [`Error::OutOfMemory`];
+/// [`Error::Interrupted`] if the settings' stop is requested; the error of [`Lanes::lane`](super::Lanes::lane) if that fails.
 pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
     let start = Instant::now();
     let parts = level_parts(scene, camera, settings)?;
@@ -137,6 +136,9 @@ fn draw_scene(
             (picture, work)
         }
     };
+    if settings.stop.as_ref().is_some_and(StopRequest::is_made) {
+        return Err(Error::Interrupted);
+    }
     let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
     let stats = Stats {
         splats_drawn: work.drawn,

@@ -21,7 +21,7 @@ use crate::parallel::on_each;
 use crate::splat::composite::{Blending, Table};
 use crate::splat::setup::FrameSetup;
 use crate::splat::view::{PixelMap, View};
-use crate::splat::{Code, Frame, Settings};
+use crate::splat::{Code, Frame, Settings, StopRequest};
 use crate::traverse::{Batch, Visitor, VoxelBox, tile_bounds, walk};
 
 /// Holds what the threads that draw a frame share.
@@ -147,7 +147,8 @@ impl<'a> DrawTask<'a> {
     /// returns the other numbers.
     pub(super) fn walk(&self, painter: &mut dyn Visitor) -> BandStats {
         let start = Instant::now();
-        let mut visitor = TimedVisitor { painter, visited: 0, drawing: Duration::ZERO };
+        let stop = self.settings.stop.as_ref();
+        let mut visitor = TimedVisitor { painter, stop, visited: 0, drawing: Duration::ZERO };
         walk(&self.projector.table.shown_of(&self.setup.lane), &self.setup.order, &mut visitor);
         let TimedVisitor { visited, drawing, .. } = visitor;
         BandStats { visited, drawing, walking: start.elapsed().saturating_sub(drawing), bands: 1, drawn: 0 }
@@ -229,13 +230,20 @@ impl<'a> DrawTask<'a> {
     }
 }
 
-/// Passes the batches of a walk to `painter`, and measures the time that it takes.
+/// Passes the batches of a walk to `painter` until a stop is requested, and measures the time that it takes.
 struct TimedVisitor<'a> {
     painter: &'a mut dyn Visitor,
+    stop: Option<&'a StopRequest>,
     /// Number of voxels that the painter received.
     visited: u64,
     /// Time that the painter took for them.
     drawing: Duration,
+}
+
+impl TimedVisitor<'_> {
+    fn goes_on(&self) -> bool {
+        !self.stop.is_some_and(StopRequest::is_made)
+    }
 }
 
 impl Visitor for TimedVisitor<'_> {
@@ -244,14 +252,16 @@ impl Visitor for TimedVisitor<'_> {
     }
 
     fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
-        self.painter.wants_row(bounds)
+        self.goes_on() && self.painter.wants_row(bounds)
     }
 
     fn visit(&mut self, batch: &Batch) {
-        let start = Instant::now();
-        self.painter.visit(batch);
-        self.visited += batch.len() as u64;
-        self.drawing += start.elapsed();
+        if self.goes_on() {
+            let start = Instant::now();
+            self.painter.visit(batch);
+            self.visited += batch.len() as u64;
+            self.drawing += start.elapsed();
+        }
     }
 }
 
