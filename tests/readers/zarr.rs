@@ -207,8 +207,11 @@ fn absent_chunks_are_counted_and_placed() {
     };
     assert_eq!(
         notes(0),
-        ["warning: 3 of 24 chunks are absent and read as the fill value -5: within x 1..3, y 0..2, z 1..2; if the \
-          picture has a gap there, copy or download the folder again"]
+        [
+            "the first of 2 volumes is read (`OpenOptions::volume_index` chooses another)",
+            "warning: 3 of 24 chunks are absent and read as the fill value -5: within x 1..3, y 0..2, z 1..2; if the \
+             picture has a gap there, copy or download the folder again"
+        ]
     );
     assert_eq!(notes(1), Vec::<String>::new());
     assert_eq!(samples(&opened(&path)).iter().filter(|sample| **sample == -5.0).count(), 3);
@@ -375,7 +378,10 @@ fn ome_images_are_read_by_level_and_volume() {
         let source = open(&path, &OpenOptions::default()).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(
             source.notes(),
-            ["level 0 of 2 is read (`OpenOptions::level` chooses): 0: 2 x 3 x 4 x 4 x 4, 1: 2 x 3 x 2 x 2 x 2"]
+            [
+                "level 0 of 2 is read (`OpenOptions::level` chooses): 0: 2 x 3 x 4 x 4 x 4, 1: 2 x 3 x 2 x 2 x 2",
+                "the first of 6 volumes is read (`OpenOptions::volume_index` chooses another)"
+            ]
         );
         let beyond = OpenOptions::new().level(2);
         expect_refused(&path, &beyond, &["level", "is 2", "2 levels", "1: 2 x 3 x 2 x 2 x 2"]);
