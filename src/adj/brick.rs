@@ -23,8 +23,9 @@ use adjsplat::volume::PartSource;
 
 /// Build a collection brick by brick, in steps that jobs on any machines do; the bricks join to the bytes of adj build
 ///
-/// plan, then scan as many bricks as plan says and agree, until agree says that all is known; then build every brick, and finish. A step
-/// that failed is done again. All machines must see the volume, the plan and the collection's folder.
+/// First plan. Then scan as many bricks as the plan says, and agree; repeat these two until agree says that bricks can be built.
+/// Then build every brick, and finish. A step that failed is done again. All machines must see the volume, the plan and the
+/// collection's folder.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example, of a volume with 4 slabs:\n  adj brick plan ct.nhdr --range 300.. --slab 128 -o plan.json\n  for n in 0 1 2 3; do adj brick scan plan.json $n ct.nhdr -o found-$n.json; done\n  adj brick agree plan.json found-*.json -o agreed.json\n  for n in 0 1 2 3; do adj brick build agreed.json $n ct.nhdr -o ct.adjs; done\n  adj brick finish agreed.json ct.adjs"

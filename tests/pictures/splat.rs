@@ -3,6 +3,7 @@
 use adjsplat::arena::{Channels, Lane, Record, VisibleCodes};
 use adjsplat::build::Built;
 use adjsplat::classify::{Point, TransferFunction, normal};
+use adjsplat::internals::RecordSet;
 use adjsplat::splat::{
     Blending, Camera, ClipPlane, Code, Frame, KernelShape, Lanes, Mode, Orbit, Projection, Quality, Scene, Settings,
     Stats, StopRequest, cpu,
@@ -357,6 +358,13 @@ fn a_requested_stop_ends_drawing() {
             assert!(matches!(stopping(&made), Err(adjsplat::Error::Interrupted)), "{mode:?} {quality:?} {code:?}");
         }
     }
+    // Marks that are not complete would pass for those of hidden voxels.
+    let made = StopRequest::default();
+    made.make();
+    let records = RecordSet::new(model.lanes[0].steps.len()).unwrap();
+    let marking = cpu::VisibleRecords { records: &records, first: 0 };
+    let marked = cpu::mark_visible(&model.scene(), &camera, &Settings::new([40, 40]).with_stop(made), marking);
+    assert!(matches!(marked, Err(adjsplat::Error::Interrupted)));
 }
 
 #[test]

@@ -167,8 +167,10 @@ impl<'a> Table<'a> {
         Ok(table)
     }
 
-    /// Returns the codes that both `lane` and the transfer function show; `None` if the lane's own are enough: the function shows all
-    /// codes that the build's function shows, or that one is not known. There is no table of 16-bit values with magnitudes.
+    /// Returns the codes that both `lane` and the transfer function show, if voxels are to be dropped from the walk by them.
+    ///
+    /// `None` if the function hides too few voxels of the lane ([`WORTHWHILE`]), if the function of the build is not known, and for
+    /// 16-bit values with magnitudes, whose pairs would take a large table.
     fn shown_codes(&self, lane: &Lane) -> Option<VisibleCodes> {
         let Scene { facts, lanes, transfer } = self.scene;
         let build = lanes.build_function().filter(|build| *build != transfer)?;

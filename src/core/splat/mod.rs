@@ -358,6 +358,11 @@ impl Settings {
         Settings { stop: stop.into(), ..self }
     }
 
+    /// Returns [`Error::Interrupted`] if the settings' stop is requested: a walk then left out voxels.
+    pub(crate) fn check_stop(&self) -> Result<()> {
+        if self.stop.as_ref().is_some_and(StopRequest::is_made) { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
     /// Selects the machine code that draws, for tests and studies.
     pub fn with_code(self, code: Code) -> Settings {
         Settings { code, ..self }

@@ -54,8 +54,8 @@ use super::levels::{LevelPart, level_parts};
 use super::setup::FrameSetup;
 use super::supersample::Supersampling;
 use super::view::View;
-use super::{Camera, Scene, Settings, Stats, StopRequest};
-use crate::error::{Error, Result};
+use super::{Camera, Scene, Settings, Stats};
+use crate::error::Result;
 use crate::traverse::{Order, Sense, VoxelBox};
 
 /// Draws a frame.
@@ -63,8 +63,9 @@ use crate::traverse::{Order, Sense, VoxelBox};
 /// The result does not depend on `settings.threads` or `settings.code`. Memory: see [`memory_need`].
 ///
 /// # Errors
-/// [`Error::Input`] or [`Error::Limit`] if the settings or the camera cannot be used; [`Error::OutOfMemory`];
-/// [`Error::Interrupted`] if the settings' stop is requested; the error of [`Lanes::lane`](super::Lanes::lane) if that fails.
+/// [`Error::Input`](crate::Error::Input) or [`Error::Limit`](crate::Error::Limit) if the settings or the camera cannot
+/// be used; [`Error::OutOfMemory`](crate::Error::OutOfMemory); [`Error::Interrupted`](crate::Error::Interrupted) if the
+/// settings' stop is requested; the error of [`Lanes::lane`](super::Lanes::lane) if that fails.
 pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
     let start = Instant::now();
     let parts = level_parts(scene, camera, settings)?;
@@ -136,9 +137,7 @@ fn draw_scene(
             (picture, work)
         }
     };
-    if settings.stop.as_ref().is_some_and(StopRequest::is_made) {
-        return Err(Error::Interrupted);
-    }
+    settings.check_stop()?;
     let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
     let stats = Stats {
         splats_drawn: work.drawn,
@@ -245,5 +244,5 @@ pub fn mark_visible(scene: &Scene, camera: &Camera, settings: &Settings, visible
     for y0 in (0..full.y1).step_by(strip.unsigned_abs() as usize) {
         band::draw::<FrontToBack>(&task, Rect { y0, y1: full.y1.min(y0 + strip), ..full })?;
     }
-    Ok(())
+    settings.check_stop()
 }
