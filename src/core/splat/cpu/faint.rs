@@ -32,10 +32,29 @@ const STACK_VOXELS: u64 = 1 << 14;
 /// Largest number of stacks. Each stack costs about as much as clearing the picture.
 const MAX_STACKS: u64 = 256;
 
-/// Cuts a faint scene into stacks (boxes of consecutive slices); returns them in the order of the walk.
+/// Returns the largest peak that a splat of optical depth 1 can have on the picture's pixels.
+pub(super) fn strongest(setup: &FrameSetup, table: &Table) -> f64 {
+    match setup.view.map {
+        PixelMap::Parallel { .. } => Projector::new(setup, table, FaintFrontToBack::ALPHA_INK, 0.0).strength.into(),
+        // This assumes the strongest splats: the view runs along the longest spacing, and footprints are not widened.
+        PixelMap::Perspective { .. } => {
+            setup.view.steps.into_iter().fold(0.0, f64::max) * f64::from(setup.kernel.normalisation())
+                / f64::from(setup.kernel.sigma).powi(2)
+        }
+    }
+}
+
+/// Cuts a faint scene into stacks (boxes of consecutive slices); returns them in the order of the walk. `strongest`: the largest
+/// peak of a splat of optical depth 1.
 ///
 /// `None` for any other scene, and where the eye lies between slices of the slow axis.
-pub(super) fn stacks(scene: &Scene, setup: &FrameSetup, table: &Table, settings: &Settings) -> Option<Vec<VoxelBox>> {
+pub(super) fn stacks(
+    scene: &Scene,
+    setup: &FrameSetup,
+    table: &Table,
+    settings: &Settings,
+    strongest: f64,
+) -> Option<Vec<VoxelBox>> {
     let voxels = scene.facts.visible_voxels;
     let is_exponential = settings.mode == Mode::Composite && settings.blending == Blending::Exponential;
     if !is_exponential || voxels <= FEW_VOXELS {
@@ -46,14 +65,6 @@ pub(super) fn stacks(scene: &Scene, setup: &FrameSetup, table: &Table, settings:
         AxisOrder::Ascending => true,
         AxisOrder::Descending => false,
         AxisOrder::TwoSided { .. } => return None,
-    };
-    let strongest = match setup.view.map {
-        PixelMap::Parallel { .. } => Projector::new(setup, table, FaintFrontToBack::ALPHA_INK, 0.0).strength.into(),
-        // This assumes the strongest splats: the view runs along the longest spacing, and footprints are not widened.
-        PixelMap::Perspective { .. } => {
-            setup.view.steps.into_iter().fold(0.0, f64::max) * f64::from(setup.kernel.normalisation())
-                / f64::from(setup.kernel.sigma).powi(2)
-        }
     };
     if table.reaches(FAINT / strongest) {
         return None;

@@ -104,13 +104,16 @@ fn draw_scene(
     let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
     let sampling =
         bounds.and_then(|bounds| Plane::choose(&setup.view, &setup.order, &bounds, || table.deepest(), settings));
-    let stacks =
-        |view: &View| faint::stacks(scene, &FrameSetup { view: view.clone(), ..setup.clone() }, &table, settings);
-    let sampling = sampling.filter(|plane| !matches!(plane, Plane::Lattice(_)) || stacks(&setup.view).is_none());
+    // Faint scenes are drawn in stacks, on the picture's own pixels. Splats are fainter there than on a lattice if voxels are small.
+    let is_faint = |lattice: &Lattice| {
+        let strongest = lattice.strength().unwrap_or_else(|| faint::strongest(&setup, &table));
+        faint::stacks(scene, &setup, &table, settings, strongest).is_some()
+    };
+    let sampling = sampling.filter(|plane| !matches!(plane, Plane::Lattice(lattice) if is_faint(lattice)));
     let draw = |view: View, front: Option<&Front>| {
         let settings = &Settings { size: view.size, ..settings.clone() };
         let mut setup = FrameSetup { view, ..setup.clone() };
-        match faint::stacks(scene, &setup, &table, settings) {
+        match faint::stacks(scene, &setup, &table, settings, faint::strongest(&setup, &table)) {
             Some(stacks) => faint::draw(&mut setup, &table, settings, &stacks),
             None => draw_in_mode(&setup, &table, settings, front),
         }

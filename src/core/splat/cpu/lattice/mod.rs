@@ -273,6 +273,14 @@ impl Lattice {
         matches!(self.rays, Rays::Parallel { .. })
     }
 
+    /// Returns the peak of a splat of optical depth 1 in a parallel view; `None` in perspective, where it varies.
+    pub(super) fn strength(&self) -> Option<f64> {
+        match self.rays {
+            Rays::Parallel { strength, .. } => Some(strength.into()),
+            Rays::Perspective { .. } => None,
+        }
+    }
+
     /// Returns how many voxels of a slice lie in a tile's width and height, in a parallel view of voxels on points of the grid;
     /// `None` in other views.
     #[inline(always)]
