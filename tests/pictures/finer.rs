@@ -84,6 +84,31 @@ fn voxels_a_little_smaller_than_the_low_pass_are_not_too_opaque() {
     }
 }
 
+/// Their splats would be faint if they were drawn on the picture's pixels, but not on a finer plane.
+#[test]
+fn voxels_of_a_fiftieth_of_a_pixel_are_not_taken_for_faint_ones() {
+    const FINER: u32 = 64;
+    for name in ["gyroid", "shells"] {
+        let built = build(name);
+        let size = [12; 2];
+        let around = Surround { radius: 300.0, ..built.surround() };
+        let camera =
+            Camera::orbiting(Orbit { azimuth: 37.0, elevation: 21.0, ..Orbit::default() }, around, size).unwrap();
+        let width = width(&built, &camera, size[1]);
+        assert!((0.01..0.02).contains(&width), "{width}");
+        let fine = built.frame(&camera, &settings(size.map(|side| side * FINER), Sampling::EveryPixel));
+        let truth = seen_through(&fine, size, FINER, f64::from(FINER) * (0.36 - width * width).sqrt());
+        for sampling in [Sampling::Enough, Sampling::Fewest] {
+            let picture = built.frame(&camera, &settings(size, sampling));
+            let [shown, right] = [&picture, &truth]
+                .map(|frame| frame.pixels().chunks_exact(4).map(|pixel| f64::from(pixel[3])).sum::<f64>());
+            let decibels = decibels(&picture, &truth, EMPTY);
+            println!("{name} {sampling:?}: {decibels:.1} dB, opacities {shown:.4} of {right:.4}");
+            assert!(decibels > 40.0 && (shown / right - 1.0).abs() < 0.05, "{name} {sampling:?}: {decibels:.1} dB");
+        }
+    }
+}
+
 #[test]
 fn a_draft_of_voxels_of_a_quarter_of_a_pixel_keeps_32_decibels() {
     let mut worst = f64::INFINITY;
