@@ -83,8 +83,10 @@ impl MemoryShares {
             }
         }
         let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
-        // A picture of coarser levels is put together from parts, with four bytes a pixel for what those in front hide.
-        let parts = if drawn.iter().all(|(level, _)| *level == 0) { 0 } else { pixels * (PIXEL + 4) };
+        // A picture of coarser levels is put together from parts, each drawn in bands, with four bytes a sample for what those in
+        // front hide.
+        let samples = pixels.max(cpu::MIXED_SAMPLES);
+        let parts = if drawn.iter().all(|(level, _)| *level == 0) { 0 } else { samples * (3 * PIXEL + 4) };
         let measuring = if is_chosen { pixels * PIXEL } else { 0 };
         let base = BASE.max(resident_bytes().unwrap_or(0) + GROWTH);
         let need = |threads: usize| {

@@ -5,7 +5,7 @@ use adjsplat::splat::cpu::{Canvas, canvas};
 use adjsplat::splat::{Camera, Code, Mode, Orbit, Projection, Quality, Sampling, Settings, Surround};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::Grid;
-use adjsplat_tests::pictures::decibels;
+use adjsplat_tests::pictures::{alphas, decibels};
 use adjsplat_tests::scenes::{Draw as _, built_phantom};
 
 use super::low_pass::seen_through;
@@ -100,8 +100,7 @@ fn voxels_of_a_fiftieth_of_a_pixel_are_not_taken_for_faint_ones() {
         let truth = seen_through(&fine, size, FINER, f64::from(FINER) * (0.36 - width * width).sqrt());
         for sampling in [Sampling::Enough, Sampling::Fewest] {
             let picture = built.frame(&camera, &settings(size, sampling));
-            let [shown, right] = [&picture, &truth]
-                .map(|frame| frame.pixels().chunks_exact(4).map(|pixel| f64::from(pixel[3])).sum::<f64>());
+            let [shown, right] = [&picture, &truth].map(|frame| alphas(frame).sum::<f64>());
             let decibels = decibels(&picture, &truth, EMPTY);
             println!("{name} {sampling:?}: {decibels:.1} dB, opacities {shown:.4} of {right:.4}");
             assert!(decibels > 40.0 && (shown / right - 1.0).abs() < 0.05, "{name} {sampling:?}: {decibels:.1} dB");

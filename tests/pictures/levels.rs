@@ -131,6 +131,21 @@ fn pictures_of_small_voxels_are_drawn_from_levels_and_are_near_the_truth() {
     }
 }
 
+/// Both parts cover the same half of a pixel on an outline; as pixels they covered three quarters of it (29 dB, 8 % too much light).
+#[test]
+fn two_levels_in_a_small_picture_do_not_make_outlines_fatter() {
+    let model = model("hydrogen", [96; 3], [1.0, 4.0, 1.0], 1, 0.5);
+    let camera = camera(&model, [90.0, 90.0], 1480.0, Projection::Perspective { fov: 10.0 });
+    let settings = Settings::new([32, 32]);
+    let parts = level_parts(&model.scene(), &camera, &settings).unwrap();
+    assert_eq!(parts.iter().map(|part| part.level).collect::<Vec<_>>(), [0, 1]);
+    let (frame, truth) = (draw(&model, &camera, &settings), truth(&model, &camera, &settings));
+    let [shown, right] = [&frame, &truth].map(|frame| alphas(frame).sum::<f64>());
+    let db = decibels(&frame, &truth, EMPTY);
+    println!("{db:.1} dB, opacities {shown:.2} of {right:.2}");
+    assert!(db > 44.0 && (shown / right - 1.0).abs() < 0.01, "{db:.1} dB, opacities {shown:.2} of {right:.2}");
+}
+
 #[test]
 fn a_perspective_with_several_levels_has_no_seam() {
     let model = model("marschner-lobb", [64, 640, 64], [1.0; 3], 3, 0.05);

@@ -145,6 +145,11 @@ impl Supersampling {
         self.size.map(|side| side * self.factor)
     }
 
+    /// Returns the number of samples.
+    pub(crate) fn samples(&self) -> u64 {
+        self.size().map(u64::from).iter().product()
+    }
+
     /// Returns the whole picture as one strip.
     fn whole(&self) -> Strip {
         Strip { rows: 0..self.size[1], sample_rows: 0..self.size()[1] }

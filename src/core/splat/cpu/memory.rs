@@ -32,6 +32,9 @@ const LISTS_COLUMN: u64 = (552 + 16 * 8) / 4;
 const SLAB: u64 = 2 << 20;
 const SLAB_POINT: u64 = 50 + 3 * 16;
 
+/// The most samples on which parts of several levels are composited.
+pub const MIXED_SAMPLES: u64 = 1 << 19;
+
 /// Where a picture is drawn before it is resampled, and on how many pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Canvas {
