@@ -28,7 +28,7 @@ use adjsplat::volume::PartSource;
 /// collection's folder.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example, of a volume with 4 slabs:\n  adj brick plan ct.nhdr --range 300.. --slab 128 -o plan.json\n  for n in 0 1 2 3; do adj brick scan plan.json $n ct.nhdr -o found-$n.json; done\n  adj brick agree plan.json found-*.json -o agreed.json\n  for n in 0 1 2 3; do adj brick build agreed.json $n ct.nhdr -o ct.adjs; done\n  adj brick finish agreed.json ct.adjs"
+    after_help = "Example, of a volume with 4 slabs that are scanned once (docs/clusters.md says which need two scans):\n  adj brick plan ct.nhdr --range 300..3000 --slab 128 -o plan.json\n  for n in 0 1 2 3; do adj brick scan plan.json $n ct.nhdr -o found-$n.json; done\n  adj brick agree plan.json found-*.json -o agreed.json\n  for n in 0 1 2 3; do adj brick build agreed.json $n ct.nhdr -o ct.adjs; done\n  adj brick finish agreed.json ct.adjs"
 )]
 pub(super) struct Arguments {
     #[command(subcommand)]
@@ -46,7 +46,7 @@ enum Step {
 
 /// Plan the bricks of a volume: how it is cut, what is visible, how it is stored
 #[derive(Debug, Args)]
-#[command(after_help = "Example: adj brick plan ct.nhdr --range 300.. --slab 128 -o plan.json")]
+#[command(after_help = "Example: adj brick plan ct.nhdr --range 300..3000 --slab 128 -o plan.json")]
 struct PlanArguments {
     /// The volume, as adj build takes it
     #[arg(value_name = "IN", required = true)]

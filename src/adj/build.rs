@@ -71,15 +71,15 @@ pub(super) struct PackingArguments {
     /// Axes along which voxels are sorted. Each adds to the file; a missing one is made when a view needs it
     #[arg(long, value_name = "LANES", default_value = "xyz", value_parser = choice(LANES))]
     lanes: u8,
-    /// Order of blocks of voxels in the file; matters for speed only
+    /// Order of the tiles (8 x 8 scan lines) in the file; matters for speed only
     #[arg(long, value_name = "ORDER", default_value = "morton", value_parser = choice(TILE_ORDERS))]
     order: TileOrder,
-    /// Bits of a value; by default 8, or 16 for --max-error and where 8 would turn visible voxels transparent or mix up
-    /// labels. Whole numbers are stored exactly if all are among 256 (or 65536) multiples of one step; else the build
+    /// Bits of a value; by default 8; 16 where 8 would turn visible voxels transparent or mix up labels, and in adj render
+    /// --max-error. Whole numbers are stored exactly if all are among 256 (or 65536) multiples of one step; else the build
     /// says how far it rounds
     #[arg(long, value_name = "BITS", value_parser = choice([("8", 8u8, ""), ("16", 16u8, "")]))]
     value_bits: Option<u8>,
-    /// Bits of each component of a surface normal; by default 8, and 16 for --max-error. none makes a smaller file
+    /// Bits of each component of a surface normal; by default 8, in adj render --max-error 16. none makes a smaller file
     /// without lighting
     #[arg(long, value_name = "BITS", value_parser = choice([("none", 0u8, ""), ("8", 8u8, ""), ("16", 16u8, "")]))]
     normals: Option<u8>,

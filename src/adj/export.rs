@@ -17,8 +17,8 @@ use adjsplat_export::{ExportFormat, ExportOptions, ExportReport, export};
 
 /// Write the voxels of an .adj file for other tools: a dense volume, a table, a sparse grid, or 3-D Gaussians
 ///
-/// The ending of the output chooses the format. All formats lose the voxels that the build left out. Memory holds a few
-/// slices of the grid. The input is checked first, as by adj verify.
+/// The ending of the output chooses the format. All formats lose the voxels that the build left out. Memory holds about
+/// one slice of the grid. The input is checked first, as by adj verify.
 #[derive(Debug, Args)]
 #[command(after_help = FORMATS)]
 pub(super) struct Arguments {

@@ -22,10 +22,10 @@ use adjsplat::error::{Error, Result};
 use adjsplat::file::{RowsOutput, write_rows};
 use adjsplat::traverse::VoxelBox;
 
-/// Make a smaller .adj file from an .adj file: crop it, show fewer voxels, or store less of each
+/// Make a new .adj file from an .adj file: crop it, show fewer voxels, store less of each, or add levels of detail
 ///
-/// The volume is not needed. Voxels that stay are not changed. Levels of detail are made again from them. The output may be the input, which is then replaced once
-/// the new file is complete. The input is checked first, as by adj verify. It is mapped: its pages are not counted as
+/// The volume is not needed. Voxels that stay are not changed. Levels of detail are made again from them. The output may be the
+/// input, which is then replaced once the new file is complete. The input is checked first, as by adj verify. It is mapped: its pages are not counted as
 /// memory, because the system can take them back.
 #[derive(Debug, Args)]
 #[command(

@@ -7,7 +7,7 @@ use clap::Args;
 use super::Answer;
 use adjsplat::error::{Error, Result};
 
-/// Show .adj files or volumes in a window: turn, cut, colour and measure them, and save pictures
+/// Show .adj files or volumes in a window: turn, cut and colour them, and save pictures
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj view head.adj\n  adj view ct-series/ mask.nrrd\nWithout a display, draw with adj render, or look in a browser with adj serve."
