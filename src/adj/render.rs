@@ -50,8 +50,8 @@ use adjsplat_pictures::PictureKind;
     after_help = "Examples:\n  adj render head.adj -o head.png --azimuth 30 --elevation 10\n  adj render head.adj -o turn.apng --frames 36 --size 400x400\n  adj render ct.nhdr --tf ct-bone+1024 -o bone.png --perspective 30\n  adj render head.adj -o inside.png --camera eye.json\n      with eye.json: {\"position\": [0, 90, 0], \"target\": [0, 0, 0], \"up\": [0, 0, 1], \"fov\": 60}"
 )]
 pub(super) struct Arguments {
-    /// An .adj file or a collection; or a volume (a file, a folder of slices, or several files of slices: 'slices/*.tif') with a flag
-    /// that says what is visible
+    /// An .adj file or a collection; or a volume (a file, a folder of slices, or several files of slices: 'slices/*.tif'). Without a
+    /// flag that says what of it is visible, adj chooses
     #[arg(value_name = "IN", required = true)]
     input: Vec<PathBuf>,
     /// The picture: .png, .apng (all frames in one file) or .exr (linear, 32-bit float)

@@ -85,7 +85,7 @@ struct PackingArguments {
     /// Axes along which voxels are sorted, fewer or more than in the input
     #[arg(long, value_name = "LANES", value_parser = choice(LANES))]
     lanes: Option<u8>,
-    /// Order of blocks of voxels in the file; matters for speed only
+    /// Order of the tiles (8 x 8 scan lines) in the file; matters for speed only
     #[arg(long, value_name = "ORDER", value_parser = choice(TILE_ORDERS))]
     order: Option<TileOrder>,
 }

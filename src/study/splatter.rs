@@ -11,8 +11,8 @@ use adjsplat::classify::normal;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::FrameSetup;
 use adjsplat::internals::scatter::{
-    BLOCK, BandResult, BandStats, Blend as _, Coordinates, FrontToBack, GROUP, Look, Projector, Rect, SplatBuffers,
-    Table, VoxelBlock, apply_strengths, assemble, draw_block, project_block,
+    BLOCK, BandResult, BandStats, Coordinates, FrontToBack, GROUP, Look, Projector, Rect, SplatBuffers, Table,
+    VoxelBlock, assemble, draw_block, project_block,
 };
 use adjsplat::splat::{Camera, Code, Frame, Mode, Scene, Settings};
 use adjsplat::traverse::{Batch, Sense};
@@ -146,10 +146,9 @@ fn place_and_shade(projector: &Projector, block: &mut Block, buffers: &mut Splat
     projector.cull(block.count, [true; BLOCK], splats, tiles);
     for k in 0..splats.count {
         let j = usize::from(splats.kept[k]) % BLOCK;
-        let [red, green, blue, depth] = block.looks[j];
-        (splats.ink[k], splats.peak[k]) = ([red, green, blue, projector.alpha_ink], depth);
+        splats.looks[k] = block.looks[j];
     }
-    apply_strengths(splats);
+    splats.apply_strengths();
     if let Some(lights) = &projector.lights {
         let mut normals = [[0.0f32; BLOCK]; 3];
         if block.coded {
@@ -165,7 +164,7 @@ fn place_and_shade(projector: &Projector, block: &mut Block, buffers: &mut Splat
                 (0..3).for_each(|a| normals[a][k] = block.normals[a][usize::from(j) % BLOCK]);
             }
         }
-        projector.light(lights, &normals, block, splats);
+        projector.light(lights, &normals, block, &splats.kept[..splats.count], &mut splats.looks);
     }
     block.count = 0;
     splats.count as u64
@@ -190,7 +189,7 @@ pub(crate) fn splat(
     let table = Table::new(scene, &setup.lane, &settings, setup.view.mean_voxel)?;
     let looks =
         *table.of_bytes().ok_or_else(|| Error::input("values", "have 16 bits, or looks depend on gradients"))?;
-    let projector = Projector::new(&setup, &table, FrontToBack::ALPHA_INK, settings.termination());
+    let projector = Projector::new(&setup, &table, settings.termination());
     let [columns, rows] = settings.size.map(u32::cast_signed);
     let rect = Rect { x0: 0, y0: 0, x1: columns, y1: rows };
     let mut splatter = Splatter {

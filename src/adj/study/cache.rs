@@ -42,7 +42,7 @@ pub(super) struct Arguments {
     /// What our walk reads of each voxel, with commas between
     #[arg(long, value_name = "CHANNELS", value_delimiter = ',', default_value = "value+normal", value_parser = choice(CODES))]
     channels: Vec<CodesRead>,
-    /// Orders of blocks of voxels in our file, with commas between
+    /// Orders of the tiles (8 x 8 scan lines) in our file, with commas between
     #[arg(long, value_name = "ORDERS", value_delimiter = ',', default_value = "morton", value_parser = choice(TILE_ORDERS))]
     tile_order: Vec<TileOrder>,
     /// Size and ways of the first level; none to leave it out

@@ -1,8 +1,8 @@
 //! Blend modes: how a splat changes a pixel.
 //!
 //! In: a splat's optical depth at a pixel, in units of ln 2 (0 outside its footprint), and the pixel's values. Out: the
-//! pixel's new values. Red, green, blue and alpha go through one formula, each with its own component of the splat's
-//! *ink* (four factors). Alpha is a transmittance, an opacity or a sum of optical depths, depending on the mode. A
+//! pixel's new values. Red, green, blue and alpha go through one formula, each with its own *ink*: a component of the splat's
+//! colour, or a constant for alpha. Alpha is a transmittance, an opacity or a sum of optical depths, depending on the mode. A
 //! depth of 0 leaves the pixel's bits unchanged, so a kernel may run over pixels outside its footprint.
 
 use crate::splat::arith::{absorbed, absorbed_small, at_least, at_most, keep_if, near_absorbed};
@@ -13,7 +13,7 @@ pub trait Blend {
     const INITIAL_ALPHA: f32 = 0.0;
     /// Whether a pixel stops changing once its transmittance is low.
     const STOPS: bool = false;
-    /// The alpha component of every splat's ink.
+    /// The ink of every splat for alpha.
     const ALPHA_INK: f32 = 1.0;
 
     /// Returns the factor by which the ink is multiplied, from a splat's optical depth; 0 for depth 0.

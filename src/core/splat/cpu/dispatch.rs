@@ -10,11 +10,12 @@ use super::blend::Blend;
 use super::gather::Band;
 use super::maximum::{Rays, SumTiles};
 use super::project::Projector;
-use super::raster::{self, Splats};
+use super::raster::{self, BLOCK, Splats};
 use super::tile_buffer::{Rect, TileBuffer};
 use super::voxel_block::VoxelBlock;
 use crate::error::Result;
 use crate::splat::Code;
+use crate::splat::composite::Look;
 use crate::splat::view::PixelMap;
 use crate::traverse::Batch;
 
@@ -112,9 +113,18 @@ for_each_instruction_set! {
 }
 
 for_each_instruction_set! {
-    /// Runs [`Projector::colour`].
-    pub(super) fn colour(projector: &Projector, voxels: &VoxelBlock, splats: &mut Splats) -> u64 {
-        projector.colour(voxels, splats);
+    /// Runs [`Projector::colour`] for all voxels of a block.
+    pub(super) fn colour(projector: &Projector, voxels: &VoxelBlock, looks: &mut [Look]) -> u64 {
+        /// The numbers of all voxels of a block.
+        const ALL: [u8; BLOCK] = {
+            let mut all = [0; BLOCK];
+            let mut j = 0;
+            while j < BLOCK {
+                (all[j], j) = (j as u8, j + 1);
+            }
+            all
+        };
+        projector.colour(voxels, &ALL[..voxels.count.min(BLOCK)], looks);
         0
     }
 }

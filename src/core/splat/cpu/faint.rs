@@ -12,7 +12,7 @@
 //!
 //! Ordinary scenes have a splat that is not faint, and are drawn without stacks. Measured: docs/NUMERICS.md.
 
-use super::blend::{Blend, FaintBackToFront, FaintFrontToBack};
+use super::blend::{FaintBackToFront, FaintFrontToBack};
 use super::project::Projector;
 use super::task::{BandStats, DrawTask, combine};
 use crate::error::Result;
@@ -35,7 +35,7 @@ const MAX_STACKS: u64 = 256;
 /// Returns the largest peak that a splat of optical depth 1 can have on the picture's pixels.
 pub(super) fn strongest(setup: &FrameSetup, table: &Table) -> f64 {
     match setup.view.map {
-        PixelMap::Parallel { .. } => Projector::new(setup, table, FaintFrontToBack::ALPHA_INK, 0.0).strength.into(),
+        PixelMap::Parallel { .. } => Projector::new(setup, table, 0.0).strength.into(),
         // This assumes the strongest splats: the view runs along the longest spacing, and footprints are not widened.
         PixelMap::Perspective { .. } => {
             setup.view.steps.into_iter().fold(0.0, f64::max) * f64::from(setup.kernel.normalisation())

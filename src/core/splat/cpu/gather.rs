@@ -27,7 +27,6 @@ use super::lattice::{Lattice, Slice};
 use super::lists::{FULL, Lists, TOGETHER};
 use super::look_tables::LookTables;
 use super::project::{Projector, limited};
-use super::raster::{BLOCK, Splats};
 use super::scan_line::{OneWay, ends, same};
 use super::slab::{Line, Slab};
 use super::spans::Spans;
@@ -129,8 +128,6 @@ pub(super) struct Band<'a, B> {
     voxels: Box<VoxelBlock>,
     /// Tables of looks and of light, in a parallel view with many voxels on points of the grid.
     tables: Option<&'a LookTables>,
-    /// The colours of the block's voxels.
-    block: Box<Splats>,
     slab: Slab,
     /// The stamps of a parallel view of voxels on points of the grid.
     stamps: Option<Stamps>,
@@ -161,8 +158,6 @@ impl<'a, B: Blend> Band<'a, B> {
         });
         let line = task.setup.lane.dims[task.projector.nesting[2]] as usize;
         let has_spans = task.projector.is_on_grid() && stamps.is_none();
-        let mut block = Splats::new();
-        (0..BLOCK).for_each(|j| block.kept[j] = j as u8);
         Ok(Band {
             blend: PhantomData,
             code: task.settings.code,
@@ -181,7 +176,6 @@ impl<'a, B: Blend> Band<'a, B> {
             together_of: None,
             voxels: VoxelBlock::new(),
             tables,
-            block,
             slab: Slab::new(rows, line)?,
             stamps,
             footprints,
@@ -403,7 +397,7 @@ impl<'a, B: Blend> Band<'a, B> {
     /// Shades the voxels of the block and adds them to the slab.
     #[inline(always)]
     pub(super) fn flush(&mut self, projector: &Projector) {
-        let Band { voxels, block, tables, slab, lattice, slice, stamps, footprints, .. } = self;
+        let Band { voxels, tables, slab, lattice, slice, stamps, footprints, .. } = self;
         if voxels.count == 0 {
             return;
         }
@@ -429,11 +423,10 @@ impl<'a, B: Blend> Band<'a, B> {
         match tables {
             Some(tables) => tables.colour(projector, voxels, looks),
             None => {
-                block.count = voxels.count.min(BLOCK);
-                block.strength = [if lattice.is_parallel() { lattice.tile([0, 0]).strength } else { 1.0 }; BLOCK];
-                dispatch::colour(self.code, projector, voxels, block);
-                for ((look, ink), peak) in looks.iter_mut().zip(&block.ink).zip(&block.peak) {
-                    *look = [ink[0], ink[1], ink[2], *peak];
+                dispatch::colour(self.code, projector, voxels, looks);
+                let strength = if lattice.is_parallel() { lattice.tile([0, 0]).strength } else { 1.0 };
+                for look in &mut *looks {
+                    look[3] = limited(look[3], strength);
                 }
             }
         }

@@ -150,7 +150,7 @@ fn draw_scene(
             let (mut picture, mut work) = (Frame::transparent(settings.size)?, BandStats::default());
             for strip in supersampling.strips() {
                 let setup = FrameSetup { view: supersampling.view(&setup.view, &strip), ..setup.clone() };
-                let half_widths = Projector::new(&setup, &table, FrontToBack::ALPHA_INK, 0.0).half_widths();
+                let half_widths = Projector::new(&setup, &table, 0.0).half_widths();
                 let rect = full_rect(setup.view.size);
                 if bounds.is_some_and(|bounds| pixels(&setup.view, half_widths, rect, &bounds).is_none()) {
                     continue;

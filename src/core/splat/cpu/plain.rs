@@ -84,8 +84,7 @@ pub(super) fn draw_on_lattice<B: Blend>(
             Lattice::place_beside(&slice, [0, 1, 2].map(|axis| on_grid[axis] + f64::from(offset[axis])))
         };
         let [red, green, blue, depth] = projector.look(record);
-        let [red, green, blue] = lit_colour(projector, voxel, record, [red, green, blue]);
-        let ink = [red, green, blue, B::ALPHA_INK];
+        let colour = lit_colour(projector, voxel, record, [red, green, blue]);
         let beside = footprints.map(|footprints| {
             let at = footprints.place(&slice, [fast, medium], projector.lane.coverage_code(record));
             (footprints, at)
@@ -117,9 +116,7 @@ pub(super) fn draw_on_lattice<B: Blend>(
                 if peak <= 0.0 {
                     continue;
                 }
-                let (amount, old) = (B::near_amount(peak * weight), tiles.pixel(x, y));
-                let blend = |c: usize| B::blend(old[c], old[3], amount, ink[c], projector.stop);
-                tiles.set_pixel(x, y, [blend(0), blend(1), blend(2), blend(3)]);
+                blend_pixel::<B>(&mut tiles, [x, y], B::near_amount(peak * weight), colour, projector.stop);
                 is_drawn = true;
             }
         }
@@ -203,18 +200,24 @@ pub(super) fn draw_largest(task: &DrawTask, rect: Rect) -> Result<BandResult> {
 }
 
 /// Blends a splat with the pixels of its box that lie in the picture; returns whether there are any.
-fn draw_splat<B: Blend>(tiles: &mut TileBuffer, (splat, [red, green, blue]): ColouredSplat, stop: f32) -> bool {
-    let (rect, ink) = (tiles.rect, [red, green, blue, B::ALPHA_INK]);
+fn draw_splat<B: Blend>(tiles: &mut TileBuffer, (splat, colour): ColouredSplat, stop: f32) -> bool {
+    let rect = tiles.rect;
     let [(low_x, high_x), (low_y, high_y)] = splat.pixels();
     let mut is_drawn = false;
     for row in low_y.max(rect.y0)..=high_y.min(rect.y1 - 1) {
         for column in low_x.max(rect.x0)..=high_x.min(rect.x1 - 1) {
-            let (amount, old) = (B::amount::<false>(splat.depth(column, row)), tiles.pixel(column, row));
-            tiles.set_pixel(column, row, [0, 1, 2, 3].map(|c| B::blend(old[c], old[3], amount, ink[c], stop)));
+            blend_pixel::<B>(tiles, [column, row], B::amount::<false>(splat.depth(column, row)), colour, stop);
             is_drawn = true;
         }
     }
     is_drawn
+}
+
+/// Blends a splat with a pixel; `amount` is the factor on its colour there.
+fn blend_pixel<B: Blend>(tiles: &mut TileBuffer, [x, y]: [i32; 2], amount: f32, colour: [f32; 3], stop: f32) {
+    let old = tiles.pixel(x, y);
+    let [red, green, blue] = [0, 1, 2].map(|c| B::blend(old[c], old[3], amount, colour[c], stop));
+    tiles.set_pixel(x, y, [red, green, blue, B::fade(old[3], amount, stop)]);
 }
 
 /// Calls `draw` for each voxel with its splat (`None` if the voxel has none) and slice; `draw` returns whether it drew.

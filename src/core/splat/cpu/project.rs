@@ -34,8 +34,6 @@ pub struct Projector<'a> {
     /// The lighting; `None` if voxels are not lit.
     pub lights: Option<Lights>,
     pub(super) clip: ClipRegion,
-    /// What each splat's ink (`blend.rs`) has for alpha, in the blend mode of the frame.
-    pub alpha_ink: f32,
     pub(super) sigma: f32,
     /// The radius at which the kernel is cut off, in standard deviations.
     pub(super) cut_off: f32,
@@ -59,8 +57,8 @@ pub struct Projector<'a> {
 }
 
 impl<'a> Projector<'a> {
-    /// Creates the projector of a frame. For `alpha_ink` and `stop`, see the fields.
-    pub fn new(setup: &FrameSetup<'a>, table: &'a Table<'a>, alpha_ink: f32, stop: f32) -> Projector<'a> {
+    /// Creates the projector of a frame. `stop`: transmittance below which a pixel no longer changes; 0 for never.
+    pub fn new(setup: &FrameSetup<'a>, table: &'a Table<'a>, stop: f32) -> Projector<'a> {
         let FrameSetup { view, order, lane, lights, kernel, clip, .. } = setup;
         let (sigma, cut_off, normalisation) = (kernel.sigma, kernel.cut_off(), kernel.normalisation());
         let (ellipse, strength) = match &view.map {
@@ -75,7 +73,6 @@ impl<'a> Projector<'a> {
             table,
             lights: *lights,
             clip: *clip,
-            alpha_ink,
             sigma,
             cut_off,
             cut: kernel.cut(),
@@ -125,7 +122,9 @@ impl<'a> Projector<'a> {
             self.place_near(voxels.count, &displaced, out);
         }
         self.cull(voxels.count, self.in_clip(voxels), out, tiles);
-        self.colour(voxels, out);
+        let Splats { count, kept, looks, .. } = out;
+        self.colour(voxels, &kept[..*count], looks);
+        out.apply_strengths();
     }
 
     /// Returns whether voxels lie on points of the grid, and not at the mean of what is visible of a block.
@@ -321,23 +320,21 @@ impl<'a> Projector<'a> {
         out.count = kept;
     }
 
-    /// Computes the colours and peaks of the kept splats.
+    /// Computes the looks, with light, of the voxels of a block whose numbers are in `kept`.
     #[inline(always)]
-    pub(super) fn colour(&self, voxels: &VoxelBlock, out: &mut Splats) {
+    pub(super) fn colour(&self, voxels: &VoxelBlock, kept: &[u8], looks: &mut [Look]) {
         // The most common kind of look table is recognised once here, not for every voxel.
-        let looks = self.table.of_bytes().filter(|_| self.lane.channels.value_bits == 8 && self.is_on_grid());
-        for k in 0..out.count {
-            let record = voxels.records[usize::from(out.kept[k]) % BLOCK];
-            let [red, green, blue, peak] = match looks {
-                Some(looks) => looks[usize::from(self.short_value(record))],
+        let table = self.table.of_bytes().filter(|_| self.lane.channels.value_bits == 8 && self.is_on_grid());
+        for (look, &j) in looks.iter_mut().zip(kept) {
+            let record = voxels.records[usize::from(j) % BLOCK];
+            *look = match table {
+                Some(table) => table[usize::from(self.short_value(record))],
                 None => self.look(record),
             };
-            (out.ink[k], out.peak[k]) = ([red, green, blue, self.alpha_ink], peak);
         }
-        apply_strengths(out);
         if let Some(lights) = &self.lights {
-            let normals = self.normals(voxels, out);
-            self.light(lights, &normals, &voxels.positions, out);
+            let normals = self.normals(voxels, kept);
+            self.light(lights, &normals, &voxels.positions, kept, looks);
         }
     }
 
@@ -367,16 +364,16 @@ impl<'a> Projector<'a> {
         [red, green, blue, depth * self.lane.coverage(record).share]
     }
 
-    /// Returns the x, y and z components of the kept splats' unit normals.
+    /// Returns the x, y and z components of the kept voxels' unit normals.
     #[inline(always)]
-    fn normals(&self, voxels: &VoxelBlock, out: &Splats) -> [[f32; BLOCK]; 3] {
+    fn normals(&self, voxels: &VoxelBlock, kept: &[u8]) -> [[f32; BLOCK]; 3] {
         let mut codes = [0u32; BLOCK];
         let mut normals = [[0.0f32; BLOCK]; 3];
         if self.lane.channels.normal_bits == 8 {
-            for k in 0..out.count {
-                codes[k] = self.short_normal(voxels.records[usize::from(out.kept[k]) % BLOCK]).into();
+            for (code, &j) in codes.iter_mut().zip(kept) {
+                *code = self.short_normal(voxels.records[usize::from(j) % BLOCK]).into();
             }
-            for from in (0..out.count.min(BLOCK)).step_by(LANES) {
+            for from in (0..kept.len().min(BLOCK)).step_by(LANES) {
                 let mut parts = [[0.0; LANES]; 3];
                 for k in 0..LANES {
                     [parts[0][k], parts[1][k], parts[2][k]] = normal::decode8(codes[from + k] as u16);
@@ -386,8 +383,8 @@ impl<'a> Projector<'a> {
                 }
             }
         } else {
-            for k in 0..out.count {
-                codes[k] = self.lane.normal_code(voxels.records[usize::from(out.kept[k]) % BLOCK]);
+            for (code, &j) in codes.iter_mut().zip(kept) {
+                *code = self.lane.normal_code(voxels.records[usize::from(j) % BLOCK]);
             }
             for k in 0..BLOCK {
                 [normals[0][k], normals[1][k], normals[2][k]] = normal::decode16(codes[k]);
@@ -396,13 +393,21 @@ impl<'a> Projector<'a> {
         normals
     }
 
-    /// Applies the light to the colours of the kept splats, by their normals.
+    /// Applies the light to the colours of the voxels whose numbers are in `kept`, by their normals.
     #[inline(always)]
-    pub fn light<C: Coordinates>(&self, lights: &Lights, normals: &[[f32; BLOCK]; 3], positions: &C, out: &mut Splats) {
+    pub fn light<C: Coordinates>(
+        &self,
+        lights: &Lights,
+        normals: &[[f32; BLOCK]; 3],
+        positions: &C,
+        kept: &[u8],
+        looks: &mut [Look],
+    ) {
+        let count = kept.len().min(BLOCK);
         let mut shades = [[0.0f32; BLOCK]; 2];
         if let PixelMap::Parallel { .. } = self.map {
             let lights = *lights;
-            for from in (0..out.count.min(BLOCK)).step_by(LANES) {
+            for from in (0..count).step_by(LANES) {
                 let mut parts = [[0.0; LANES]; 2];
                 for k in 0..LANES {
                     let normal = [normals[0][from + k], normals[1][from + k], normals[2][from + k]];
@@ -415,23 +420,23 @@ impl<'a> Projector<'a> {
         } else {
             let [s, m, f] = self.nesting;
             let mut toward_eye = [[0.0f32; BLOCK]; 3];
-            for k in 0..out.count {
-                let [slow, medium, fast] = positions.at(usize::from(out.kept[k]) % BLOCK).map(|c| c as f32);
+            for k in 0..count {
+                let [slow, medium, fast] = positions.at(usize::from(kept[k]) % BLOCK).map(|c| c as f32);
                 toward_eye[s][k] = self.eye[s] - self.steps[s] * slow;
                 toward_eye[m][k] = self.eye[m] - self.steps[m] * medium;
                 toward_eye[f][k] = self.eye[f] - self.steps[f] * fast;
             }
-            for k in 0..out.count.min(BLOCK).next_multiple_of(LANES) {
+            for k in 0..count.next_multiple_of(LANES) {
                 let [x, y, z] = [toward_eye[0][k], toward_eye[1][k], toward_eye[2][k]];
                 let length = at_least(x * x + y * y + z * z, f32::MIN_POSITIVE).sqrt();
                 let normal = [normals[0][k], normals[1][k], normals[2][k]];
                 [shades[0][k], shades[1][k]] = lights.shade(normal, [x / length, y / length, z / length]);
             }
         }
-        for k in 0..out.count.min(BLOCK) {
-            let [red, green, blue, alpha] = out.ink[k];
+        for (look, k) in looks.iter_mut().zip(0..count) {
+            let [red, green, blue, depth] = *look;
             let [factor, highlight] = [shades[0][k], shades[1][k]];
-            out.ink[k] = [red * factor + highlight, green * factor + highlight, blue * factor + highlight, alpha];
+            *look = [red * factor + highlight, green * factor + highlight, blue * factor + highlight, depth];
         }
     }
 }
@@ -463,11 +468,13 @@ pub(super) fn affine_at(map: &Affine, [slow, medium, fast]: [f64; 3]) -> f64 {
     (map[3] + map[0] * slow) + map[1] * medium + map[2] * fast
 }
 
-/// Turns each kept splat's `peak` from an optical depth per mean voxel spacing into that at the splat's centre.
-#[inline(always)]
-pub fn apply_strengths(out: &mut Splats) {
-    for k in 0..out.count {
-        out.peak[k] = limited(out.peak[k], out.strength[usize::from(out.kept[k]) % BLOCK]);
+impl Splats {
+    /// Turns each kept splat's optical depth per mean voxel spacing into that at the splat's centre.
+    #[inline(always)]
+    pub fn apply_strengths(&mut self) {
+        for k in 0..self.count {
+            self.looks[k][3] = limited(self.looks[k][3], self.strength[usize::from(self.kept[k]) % BLOCK]);
+        }
     }
 }
 

@@ -12,8 +12,9 @@
 //! pixels outside the band are never read. A pixel's bits depend on absolute coordinates only.
 
 use super::blend::Blend;
-use super::tile_buffer::{PixelTile, Rect, TILE, TILE_PIXELS, TileBuffer};
+use super::tile_buffer::{Rect, TILE, TILE_PIXELS, TileBuffer};
 use crate::splat::arith::{SMALL_DEPTH, at_least, at_most, exp2_neg, keep_if};
+use crate::splat::composite::Look;
 use crate::splat::kernel::Ellipse;
 use crate::splat::near::{NearKernel, NearView};
 
@@ -44,9 +45,9 @@ impl<const N: usize> Extents<N> {
     }
 }
 
-/// A block of splats. Centres, boxes and strengths are indexed by voxel of the block; ink and peaks like `kept`.
+/// A block of splats. Centres, boxes and strengths are indexed by voxel of the block; looks like `kept`.
 pub struct Splats {
-    /// Number of splats to draw; `kept`, `ink` and `peak` are meaningless from this index on.
+    /// Number of splats to draw; `kept` and `looks` are meaningless from this index on.
     pub count: usize,
     /// For each splat to draw, in visit order: the index of its voxel in the block.
     pub kept: [u8; BLOCK],
@@ -58,10 +59,8 @@ pub struct Splats {
     pub(super) ellipses: [[f32; BLOCK]; 3],
     /// The voxels of the block that are near the eye, by their indices, which ascend.
     pub(super) near: Vec<(u8, NearKernel)>,
-    /// The splat's ink: factors on what it adds to a pixel's red, green, blue and alpha (`blend.rs`).
-    pub ink: [[f32; 4]; BLOCK],
-    /// Optical depth at the centre, in units of ln 2; 0 if the splat is not drawn.
-    pub peak: [f32; BLOCK],
+    /// Red, green, blue, and the optical depth at the centre (the *peak*), in units of ln 2; 0 if the splat is not drawn.
+    pub looks: [Look; BLOCK],
 }
 
 impl Splats {
@@ -75,8 +74,7 @@ impl Splats {
             y: Extents::new(),
             ellipses: [[0.0; BLOCK]; 3],
             near: Vec::new(),
-            ink: [[0.0; 4]; BLOCK],
-            peak: [0.0; BLOCK],
+            looks: [[0.0; 4]; BLOCK],
         })
     }
 
@@ -122,24 +120,24 @@ pub(super) fn draw<B: Blend>(
     let mut drawn = 0;
     for k in 0..splats.count.min(BLOCK) {
         let j = usize::from(splats.kept[k]) % BLOCK;
-        let peak = splats.peak[k];
+        let [red, green, blue, peak] = splats.looks[k];
         let ([low_x, high_x], [low_y, high_y]) = splats.clipped(j, tiles.rect);
         // Stage 1 lists only splats that reach the band; this test keeps other splats from writing outside the tiles.
         if peak <= 0.0 || low_x > high_x || low_y > high_y {
             continue;
         }
         drawn += 1;
-        let columns = [low_x >> TILE, high_x >> TILE];
-        let rows = [low_y >> TILE, high_y >> TILE];
+        let place = [[low_x >> TILE, high_x >> TILE], [low_y >> TILE, high_y >> TILE]];
+        let colour = [red, green, blue];
         if let (Some(view), Some(kernel)) = (near, splats.near(j)) {
-            draw_near::<B>(tiles, view, kernel, peak, columns, rows, &splats.ink[k], stop);
+            draw_near::<B>(tiles, view, kernel, peak, place, colour, stop);
             continue;
         }
         let kernel = SplatKernel { centre: splats.centre(j), ellipse: ellipse(j), cut, peak };
         if peak <= SMALL_DEPTH {
-            draw_splat::<B, true>(tiles, &kernel, columns, rows, &splats.ink[k], stop);
+            draw_splat::<B, true>(tiles, &kernel, place, colour, stop);
         } else {
-            draw_splat::<B, false>(tiles, &kernel, columns, rows, &splats.ink[k], stop);
+            draw_splat::<B, false>(tiles, &kernel, place, colour, stop);
         }
     }
     drawn
@@ -151,9 +149,8 @@ pub(super) fn draw<B: Blend>(
 fn draw_splat<B: Blend, const IS_SMALL: bool>(
     tiles: &mut TileBuffer,
     kernel: &SplatKernel,
-    [left, right]: [i32; 2],
-    [top, bottom]: [i32; 2],
-    ink: &[f32; 4],
+    [[left, right], [top, bottom]]: [[i32; 2]; 2],
+    colour: [f32; 3],
     stop: f32,
 ) {
     let root = kernel.ellipse.u_factor.sqrt();
@@ -165,12 +162,12 @@ fn draw_splat<B: Blend, const IS_SMALL: bool>(
             (from, to) = (from.max(first), to.min(last));
         }
         for column in from..to + 1 {
-            let Some((index, PixelTile(values))) = tiles.tile(column, row) else { continue };
+            let Some((index, tile)) = tiles.tile(column, row) else { continue };
             let mut amounts = kernel.depths(root, &tile_row, column);
             for i in 0..TILE_PIXELS {
                 amounts[i] = B::amount::<IS_SMALL>(amounts[i]);
             }
-            if blend_tile::<B>(values, &amounts, ink, stop) {
+            if !tile.blend::<B>(&amounts, colour, stop) {
                 tiles.freeze(index, column, row);
             }
         }
@@ -179,20 +176,18 @@ fn draw_splat<B: Blend, const IS_SMALL: bool>(
 
 /// Draws a voxel near the eye on tile columns `left..=right`, tile rows `top..=bottom`.
 #[inline(always)]
-#[expect(clippy::too_many_arguments, reason = "a voxel, where it is drawn, and how")]
 fn draw_near<B: Blend>(
     tiles: &mut TileBuffer,
     view: &NearView,
     kernel: &NearKernel,
     peak: f32,
-    [left, right]: [i32; 2],
-    [top, bottom]: [i32; 2],
-    ink: &[f32; 4],
+    [[left, right], [top, bottom]]: [[i32; 2]; 2],
+    colour: [f32; 3],
     stop: f32,
 ) {
     for row in top..bottom + 1 {
         for column in left..right + 1 {
-            let Some((index, PixelTile(values))) = tiles.tile(column, row) else { continue };
+            let Some((index, tile)) = tiles.tile(column, row) else { continue };
             let (mut columns, mut rows) = ([0; TILE_PIXELS], [0; TILE_PIXELS]);
             for i in 0..TILE_PIXELS {
                 (columns[i], rows[i]) = ((column << TILE) + COLUMN[i] as i32, (row << TILE) + ROW[i] as i32);
@@ -201,50 +196,11 @@ fn draw_near<B: Blend>(
             for i in 0..TILE_PIXELS {
                 amounts[i] = B::amount::<false>(amounts[i]);
             }
-            if blend_tile::<B>(values, &amounts, ink, stop) {
+            if !tile.blend::<B>(&amounts, colour, stop) {
                 tiles.freeze(index, column, row);
             }
         }
     }
-}
-
-/// Blends a splat with the pixels of a tile. Returns whether none of them changes any more.
-#[inline(always)]
-fn blend_tile<B: Blend>(
-    values: &mut [[f32; TILE_PIXELS]; 4],
-    amounts: &[f32; TILE_PIXELS],
-    ink: &[f32; 4],
-    stop: f32,
-) -> bool {
-    let [red, green, blue, alpha] = values;
-    let before = *alpha;
-    blend_values::<B>(red, &before, amounts, ink[0], stop);
-    blend_values::<B>(green, &before, amounts, ink[1], stop);
-    blend_values::<B>(blue, &before, amounts, ink[2], stop);
-    blend_values::<B>(alpha, &before, amounts, ink[3], stop);
-    let mut is_open = !B::STOPS;
-    if B::STOPS {
-        for i in 0..TILE_PIXELS {
-            is_open |= alpha[i] >= stop;
-        }
-    }
-    !is_open
-}
-
-/// Blends one colour or alpha of all pixels of a tile. In a loop over the four values the compiler would gather them.
-#[inline(always)]
-fn blend_values<B: Blend>(
-    values: &mut [f32; TILE_PIXELS],
-    alpha: &[f32; TILE_PIXELS],
-    amounts: &[f32; TILE_PIXELS],
-    ink: f32,
-    stop: f32,
-) {
-    let mut new = [0.0; TILE_PIXELS];
-    for i in 0..TILE_PIXELS {
-        new[i] = B::blend(values[i], alpha[i], amounts[i], ink, stop);
-    }
-    *values = new;
 }
 
 /// A splat is wide if its last tile in a row is at least this many tiles after the first one. Only then does finding

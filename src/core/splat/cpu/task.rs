@@ -5,7 +5,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::blend::{Additive, Blend};
+use super::blend::Blend;
 use super::footprints::Footprints;
 use super::front::Front;
 use super::gather::Band;
@@ -79,8 +79,7 @@ impl BandStats {
 impl<'a> DrawTask<'a> {
     /// Returns the task of drawing all voxels in the blend mode `B`.
     pub(super) fn new<B: Blend>(setup: &'a FrameSetup, table: &'a Table, settings: &'a Settings) -> DrawTask<'a> {
-        let alpha_ink = if settings.blending == Blending::Sheets { Additive::ALPHA_INK } else { B::ALPHA_INK };
-        let projector = Projector::new(setup, table, alpha_ink, if B::STOPS { settings.termination() } else { 0.0 });
+        let projector = Projector::new(setup, table, if B::STOPS { settings.termination() } else { 0.0 });
         DrawTask { projector, setup, settings, front: None, visible: None }
     }
 

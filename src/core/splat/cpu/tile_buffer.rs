@@ -13,6 +13,7 @@ use fearless_simd::f32x4;
 use fearless_simd::prelude::*;
 
 use super::bit_rows::BitRows;
+use super::blend::Blend;
 use crate::error::Result;
 use crate::splat::frame::zeroed;
 
@@ -40,6 +41,29 @@ pub struct Rect {
 pub(super) struct PixelTile(pub(super) [[f32; TILE_PIXELS]; 4]);
 
 impl PixelTile {
+    /// Blends a splat of this colour with the pixels; `amounts`: factors on its colour at each pixel. Returns whether any pixel may
+    /// still change.
+    #[inline(always)]
+    pub(super) fn blend<B: Blend>(&mut self, amounts: &[f32; TILE_PIXELS], colour: [f32; 3], stop: f32) -> bool {
+        let [red, green, blue, alpha] = &mut self.0;
+        // In a loop over the colours a compiler would gather them.
+        *red = blended::<B>(red, alpha, amounts, colour[0], stop);
+        *green = blended::<B>(green, alpha, amounts, colour[1], stop);
+        *blue = blended::<B>(blue, alpha, amounts, colour[2], stop);
+        let mut faded = [0.0; TILE_PIXELS];
+        for i in 0..TILE_PIXELS {
+            faded[i] = B::fade(alpha[i], amounts[i], stop);
+        }
+        *alpha = faded;
+        let mut is_open = !B::STOPS;
+        if B::STOPS {
+            for i in 0..TILE_PIXELS {
+                is_open |= alpha[i] >= stop;
+            }
+        }
+        is_open
+    }
+
     /// Returns the reds, greens, blues and opacities of row `y`, where alpha may be a transmittance.
     #[inline(always)]
     fn row<S: Simd>(&self, simd: S, y: usize, transmits: bool) -> [f32x4<S>; 4] {
@@ -47,6 +71,22 @@ impl PixelTile {
             self.0.each_ref().map(|plane| f32x4::from_slice(simd, &plane[y << TILE..(y + 1) << TILE]));
         [red, green, blue, if transmits { 1.0 - alpha } else { alpha }]
     }
+}
+
+/// Returns one colour of a tile's pixels after a splat.
+#[inline(always)]
+fn blended<B: Blend>(
+    values: &[f32; TILE_PIXELS],
+    alpha: &[f32; TILE_PIXELS],
+    amounts: &[f32; TILE_PIXELS],
+    ink: f32,
+    stop: f32,
+) -> [f32; TILE_PIXELS] {
+    let mut new = [0.0; TILE_PIXELS];
+    for i in 0..TILE_PIXELS {
+        new[i] = B::blend(values[i], alpha[i], amounts[i], ink, stop);
+    }
+    new
 }
 
 /// State of a tile on which nothing was drawn yet.

@@ -9,7 +9,7 @@ use super::lattice::{Lattice, TileRays, near_weight};
 use super::project::{Projector, limited};
 use super::slab::Slab;
 use super::stamps::Stamps;
-use super::tile_buffer::{PixelTile, TILE_PIXELS, TileBuffer};
+use super::tile_buffer::{TILE_PIXELS, TileBuffer};
 
 /// How many splats' amounts are computed together in a perspective. If a tile closes, the rest of them are computed in vain.
 const FEW: usize = 8;
@@ -32,9 +32,8 @@ impl Weights<'_> {
         pixels: &mut TileBuffer,
         place: [i32; 2],
     ) -> bool {
-        let Some((_, PixelTile(values))) = pixels.tile(place[0], place[1]) else { return false };
-        let stop = projector.stop;
-        let mut tile = Pixels { values: *values, is_open: true };
+        let Some((_, pixels)) = pixels.tile(place[0], place[1]) else { return false };
+        let (mut tile, mut is_open, stop) = (*pixels, true, projector.stop);
         if STAMPED {
             let Some(stamps) = self.stamps else { return false };
             let lower = stamps.lower(place);
@@ -48,11 +47,11 @@ impl Weights<'_> {
                     if depth == 0.0 {
                         continue;
                     }
-                    tile.blend::<B>(stamp, [red, green, blue], stop);
+                    is_open = tile.blend::<B>(stamp, [red, green, blue], stop);
                 } else {
-                    tile.blend::<B>(&amounts::<B>(stamp, depth), [red, green, blue], stop);
+                    is_open = tile.blend::<B>(&amounts::<B>(stamp, depth), [red, green, blue], stop);
                 }
-                if !tile.is_open {
+                if !is_open {
                     break;
                 }
             }
@@ -63,8 +62,8 @@ impl Weights<'_> {
                     break;
                 };
                 let weights = footprints.weights(stamp + later);
-                tile.blend::<B>(&amounts::<B>(weights, depth), [red, green, blue], stop);
-                if !tile.is_open {
+                is_open = tile.blend::<B>(&amounts::<B>(weights, depth), [red, green, blue], stop);
+                if !is_open {
                     break;
                 }
             }
@@ -75,15 +74,15 @@ impl Weights<'_> {
                 let count = compute_amounts::<B>(&rays, projector.cut, slab, few, &mut amounts);
                 for (amounts, &splat) in amounts.iter().zip(few).take(count) {
                     let Some(&[red, green, blue, _]) = slab.look(splat) else { break 'splats };
-                    tile.blend::<B>(amounts, [red, green, blue], stop);
-                    if !tile.is_open {
+                    is_open = tile.blend::<B>(amounts, [red, green, blue], stop);
+                    if !is_open {
                         break 'splats;
                     }
                 }
             }
         }
-        *values = tile.values;
-        tile.is_open
+        *pixels = tile;
+        is_open
     }
 }
 
@@ -128,56 +127,4 @@ fn compute_amounts<B: Blend>(
         }
     }
     count
-}
-
-/// The pixels of a tile while it takes splats.
-struct Pixels {
-    values: [[f32; TILE_PIXELS]; 4],
-    is_open: bool,
-}
-
-impl Pixels {
-    /// Blends a splat with the pixels; `amounts` are the factors of its ink.
-    #[inline(always)]
-    fn blend<B: Blend>(&mut self, amounts: &[f32; TILE_PIXELS], colour: [f32; 3], stop: f32) {
-        let [red, green, blue, clear] = &self.values;
-        self.values = [
-            blended::<B>(red, clear, amounts, colour[0], stop),
-            blended::<B>(green, clear, amounts, colour[1], stop),
-            blended::<B>(blue, clear, amounts, colour[2], stop),
-            faded::<B>(clear, amounts, stop),
-        ];
-        if B::STOPS {
-            self.is_open = false;
-            for i in 0..TILE_PIXELS {
-                self.is_open |= self.values[3][i] >= stop;
-            }
-        }
-    }
-}
-
-/// Returns the alphas of a tile's pixels after a splat.
-#[inline(always)]
-fn faded<B: Blend>(clear: &[f32; TILE_PIXELS], amounts: &[f32; TILE_PIXELS], stop: f32) -> [f32; TILE_PIXELS] {
-    let mut new = [0.0; TILE_PIXELS];
-    for i in 0..TILE_PIXELS {
-        new[i] = B::fade(clear[i], amounts[i], stop);
-    }
-    new
-}
-
-/// Returns one colour of a tile's pixels after a splat.
-#[inline(always)]
-fn blended<B: Blend>(
-    values: &[f32; TILE_PIXELS],
-    clear: &[f32; TILE_PIXELS],
-    amounts: &[f32; TILE_PIXELS],
-    ink: f32,
-    stop: f32,
-) -> [f32; TILE_PIXELS] {
-    let mut new = [0.0; TILE_PIXELS];
-    for i in 0..TILE_PIXELS {
-        new[i] = B::blend(values[i], clear[i], amounts[i], ink, stop);
-    }
-    new
 }
