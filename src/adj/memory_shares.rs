@@ -17,7 +17,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::{IN_FLIGHT, level_kernel, stored_transfer};
 use adjsplat::splat::cpu;
 use adjsplat::splat::cpu::Canvas;
-use adjsplat::splat::{Blending, Camera, Lanes, Settings, View};
+use adjsplat::splat::{Blending, Camera, Lanes, Projection, Settings, View};
 use adjsplat::traverse::{Order, VoxelBox};
 use adjsplat::volume::Axis;
 use adjsplat_judge::dial::RUNGS;
@@ -83,10 +83,15 @@ impl MemoryShares {
             }
         }
         let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
-        // A picture of coarser levels is put together from parts, each drawn in bands, with four bytes a sample for what those in
-        // front hide.
-        let samples = pixels.max(cpu::MIXED_SAMPLES);
-        let parts = if drawn.iter().all(|(level, _)| *level == 0) { 0 } else { samples * (3 * PIXEL + 4) };
+        // A picture of coarser levels is put together from parts, with four bytes a pixel for what those in front hide. A perspective
+        // may have several levels, each drawn in bands of finer samples.
+        let is_mixed = settings.level.is_none()
+            && cameras.iter().any(|camera| matches!(camera.projection(), Projection::Perspective { .. }));
+        let parts = match drawn.iter().any(|(level, _)| *level > 0) {
+            true if is_mixed => pixels.max(cpu::MIXED_SAMPLES) * (3 * PIXEL + 4),
+            true => pixels * (PIXEL + 4),
+            false => 0,
+        };
         let measuring = if is_chosen { pixels * PIXEL } else { 0 };
         let base = BASE.max(resident_bytes().unwrap_or(0) + GROWTH);
         let need = |threads: usize| {
