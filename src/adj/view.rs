@@ -10,10 +10,10 @@ use adjsplat::error::{Error, Result};
 /// Show .adj files or volumes in a window: turn, cut and colour them, and save pictures
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  adj view head.adj\n  adj view ct-series/ mask.nrrd\nWithout a display, draw with adj render, or look in a browser with adj serve."
+    after_help = "Examples:\n  adj view head.adj\n  adj view ct-series/                     (a folder of DICOM slices)\n  adj view before.adj after.adj           (each in a tab of its own)\nWithout a display, draw with adj render, or look in a browser with adj serve."
 )]
 pub(super) struct Arguments {
-    /// .adj files, or volumes that adj build reads; none opens an empty window
+    /// .adj files, or volumes that adj build reads, each in a tab of its own; none opens an empty window
     #[arg(value_name = "IN")]
     input: Vec<PathBuf>,
 }
