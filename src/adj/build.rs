@@ -51,9 +51,10 @@ pub(super) struct Arguments {
     classification: ClassificationArguments,
     #[command(flatten)]
     packing: PackingArguments,
-    /// Coarser levels of detail to store beside the voxels, each on a grid of half the points: a number of them, none, or
-    /// auto for as many as are of use (each of a level with 4096 voxels and 63 points along an axis or more, as long as a
-    /// level has at most nine tenths of the voxels below it). Pictures from afar are then drawn faster
+    /// Coarser levels of detail to store beside the voxels: a number of them, none, or auto. Each level has half as many
+    /// points along each axis as the one below it. Small pictures are then drawn faster. auto adds levels as long as the last
+    /// one has 4096 voxels or more and 63 points or more along its longest axis, and the next one has at most nine tenths of
+    /// its voxels
     #[arg(long, value_name = "N|auto|none", default_value = "none", value_parser = levels, help_heading = "Packing")]
     levels: Levels,
     #[command(flatten)]

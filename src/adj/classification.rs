@@ -20,9 +20,10 @@ use adjsplat::volume::SlabSource;
 #[command(group(ArgGroup::new("visible")))]
 #[group(skip)]
 pub(super) struct ClassificationArguments {
-    /// Transfer function: JSON, a file of it, or a preset: ct-bone, ct-skin, mr (T1 heads), or ct-angio (vessels that hold a
-    /// contrast agent; without one, edges of bones look like vessels).
-    /// ct-bone+1024 shifts the preset's values by 1024. A file has at most 65536 points and 16 MiB
+    /// Transfer function: JSON, a file of it, or a preset: ct-bone, ct-skin, ct-angio (vessels that hold a contrast agent;
+    /// without one, edges of bones look like vessels), mr (T1 heads), gyroid (for phantom:gyroid), labels or frog.
+    /// ct-bone+1024 shifts the preset's values by 1024. The JSON is described in formats/adj-1.md, section 8.1. A file has
+    /// at most 65536 points and 16 MiB
     #[arg(long, group = "visible", value_name = "JSON|FILE|PRESET")]
     pub(super) tf: Option<String>,
     /// Surface where the volume has this value, two voxels thick (Levoy's isovalue contour)

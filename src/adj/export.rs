@@ -28,8 +28,8 @@ pub(super) struct Arguments {
     /// The file to write, or the folder for .zarr, which must not exist yet
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// Sample of points that are not visible, in dense formats. By default the first that the samples can be and the
-    /// transfer function hides: 0, the lowest sample of the source, the lowest and the highest number of the type
+    /// Sample of the points that are not visible, in dense formats. By default the first of these that no exported voxel
+    /// has and that is not visible: 0, the lowest sample of the volume, the lowest and the highest number of the type
     #[arg(long, value_name = "V", allow_hyphen_values = true)]
     fill: Option<f64>,
     /// Do not check the input first: faster, but damage may pass into the output

@@ -20,12 +20,9 @@ pub(super) struct LookArguments {
     /// Graphics devices and --renderer reference draw finer for fewest and enough
     #[arg(long, value_name = "PIXELS", value_parser = choice(SAMPLINGS))]
     sampling: Option<Sampling>,
-    /// Choose the fastest settings whose largest error (of a linear sample from 0 to 1) is at most E. One picture is measured
-    /// as a whole. Of several, up to three are, and their largest error is tripled; others can still have a larger one.
-    /// Levels of detail that a draft would draw are tried first, then nine settings from fast to slow; with --memory only the
-    /// settings. Choosing takes up to 2.5 times as long as a picture of --quality reference, for several pictures up to 5
-    /// times: more than it saves on a single picture. Of an .adj file the error is the difference from --quality reference of
-    /// its voxels. A volume is stored with 16 bits, and the error is the difference from the volume
+    /// Choose the fastest settings whose largest error, of a linear sample from 0 to 1, is at most E. The error is measured
+    /// beside --quality reference; of a volume, which is then stored with 16 bits, beside the volume. Of several pictures
+    /// three are measured, and others can have a larger error. Choosing takes longer than it saves on a single picture
     #[arg(long, value_name = "E", allow_hyphen_values = true, conflicts_with_all = ["quality", "sampling", "kernel", "termination", "blending"])]
     pub(super) max_error: Option<f64>,
     /// How narrow splats are, 0 (the default) to 1: their standard deviation falls from 0.7 to 0.55 voxels. Thin
