@@ -18,7 +18,7 @@ use adjsplat_study::speed::{Speed, SpeedOptions};
 /// Measure frames per second of all methods over a full turn (the paper's Table 1 and Figure 5)
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Displaying: the whole frame. Not displaying: all but the drawing of splats. The walk alone: see also adj study walk.\nOne thread; all methods feed one splatter, but ours feeds the renderer, which skips what is hidden.\n\nExample: adj study speed head.adj --plot speed.svg"
+    after_help = "Displaying: the whole frame. Not displaying: all but the drawing of splats. The walk alone: see also adj study walk.\nOne thread; all methods feed one splatter, but ours feeds the renderer, which skips what is occluded.\n\nExample: adj study speed head.adj --plot speed.svg"
 )]
 pub(super) struct Arguments {
     #[command(flatten)]
