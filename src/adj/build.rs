@@ -51,10 +51,10 @@ pub(super) struct Arguments {
     classification: ClassificationArguments,
     #[command(flatten)]
     packing: PackingArguments,
-    /// Coarser levels of detail to store beside the voxels: a number of them, none, or auto. Each level has half as many
-    /// points along each axis as the one below it. Small pictures are then drawn faster. auto adds levels as long as the last
-    /// one has 4096 voxels or more and 63 points or more along its longest axis, and the next one has at most nine tenths of
-    /// its voxels
+    /// Coarser levels of detail to store beside the voxels: a number of them, none, or auto. Each has half as many points as
+    /// the level below it, along the axes with the smallest spacing. Small pictures are then drawn faster. auto adds levels
+    /// as long as the last one has 4096 voxels or more and 63 points or more along its longest axis, and the next one has at
+    /// most nine tenths of its voxels
     #[arg(long, value_name = "N|auto|none", default_value = "none", value_parser = levels, help_heading = "Packing")]
     levels: Levels,
     #[command(flatten)]
