@@ -7,6 +7,7 @@ use glam::{DMat3, DVec3};
 use super::{Lattice, LowPass, Rays};
 use crate::splat::cpu::warp::MOST_ASIDE;
 use crate::splat::kernel::{KernelShape, LOW_PASS};
+use crate::splat::near::NEAR;
 use crate::splat::supersample::sigma_at_centre;
 use crate::splat::view::{MAX_SIZE, PixelMap, View};
 use crate::splat::{Blending, Mode, Sampling, Settings};
@@ -33,6 +34,14 @@ const THINNEST: f64 = 0.45;
 /// Largest standard deviation where the picture shows the box of the voxels, for [`Sampling::Enough`] and [`Sampling::Fewest`]: the
 /// warp takes four pixels on each side. Drafts had 28 dB where it was above 100, and 33 dB at 8.
 const WIDEST: [f64; 2] = [3.0, 8.0];
+/// Tangent of half of 75 degrees, and some rounding: above it an angle of view is wide, and the limits below hold.
+const WIDE_ANGLE: f64 = 0.768;
+/// The most that [`unevenness`] may be at any corner of the box, in kernels, for [`Sampling::Enough`] and [`Sampling::Fewest`].
+/// Measured: docs/studies/sampling.md.
+const MOST_UNEVEN: [f64; 2] = [0.015, 0.036];
+/// Least standard deviation where the picture shows the box, along an axis that takes the plane's pixels as they are, for
+/// [`Sampling::Enough`] and [`Sampling::Fewest`]: below, weights are those of one pixel, or alike for eight.
+const NARROWEST: [f64; 2] = [0.5, 0.25];
 /// Least distance from the eye to the nearest slice, in voxels: nearer slices are seen under too many angles.
 const NEAREST: f64 = 8.0;
 
@@ -77,11 +86,12 @@ impl Lattice {
         deepest: impl FnOnce() -> f64,
         settings: &Settings,
     ) -> Option<Lattice> {
-        let (wide, widest) = match settings.sampling() {
+        let of_sampling = match settings.sampling() {
             Sampling::EveryPixel | Sampling::Finer => return None,
-            Sampling::Enough => (WIDE_VOXELS[0], WIDEST[0]),
-            Sampling::Fewest => (WIDE_VOXELS[1], WIDEST[1]),
+            Sampling::Enough => 0,
+            Sampling::Fewest => 1,
         };
+        let wide = WIDE_VOXELS[of_sampling];
         let is_drawn = match settings.mode {
             Mode::Composite => settings.sense == Sense::FrontToBack && settings.blending == Blending::Exponential,
             Mode::Additive => settings.blending == Blending::Exponential,
@@ -117,7 +127,10 @@ impl Lattice {
                 if settings.mode == Mode::Additive && width < LEAST_SUMMED_STEP * sigma {
                     return None;
                 }
-                perspective(view, [width, widest], nested, &extent, [&choose, &choose_far], kernel)?
+                // An x-ray is not steep at outlines, as opaque matter is.
+                let most_uneven = MOST_UNEVEN[if settings.mode == Mode::Additive { 1 } else { of_sampling }];
+                let limits = [WIDEST[of_sampling], NARROWEST[of_sampling], most_uneven];
+                perspective(view, width, limits, nested, &extent, [&choose, &choose_far], kernel)?
             }
         };
         let pixels = |size: [u32; 2]| f64::from(size[0]) * f64::from(size[1]);
@@ -298,7 +311,8 @@ fn parallel(
 
 fn perspective(
     view: &View,
-    [width, widest]: [f64; 2],
+    width: f64,
+    [widest, narrowest, most_uneven]: [f64; 3],
     nested: [usize; 3],
     extent: &BoxExtent,
     [choose, choose_far]: [&dyn Fn(f64) -> f64; 2],
@@ -360,6 +374,12 @@ fn perspective(
         at(0) + at(1) + at(2) + column(3)
     });
     let is_ahead = seen.iter().all(|seen| seen.z > 0.0);
+    let is_wide_angle = 0.5 * f64::from(view.size[1]) / focal > WIDE_ANGLE;
+    let voxel_steps = DMat3::from_cols(column(0), column(1), column(2));
+    let is_uneven = |toward: &DVec3| f64::from(kernel.sigma) * unevenness(*toward, voxel_steps) > most_uneven;
+    if is_wide_angle && seen.iter().any(is_uneven) {
+        return None;
+    }
     let part = |end: f64, place: &dyn Fn(&DVec3) -> f64| {
         let places = seen.iter().filter(|_| is_ahead).map(place).map(|place| place.clamp(0.0, end));
         places.map(|place| [place; 2]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or([0.0, end])
@@ -372,7 +392,10 @@ fn perspective(
         [0, 1].into_iter().all(|side: usize| {
             let moved = moves[side][0].hypot(moves[side][1]) / f64::from(1u32 << low_pass.halvings[side]);
             let most = if is_mixed && !low_pass.is_wide[side] { MOST_ASIDE } else { widest };
-            low_pass.deviation * moved <= most
+            // Toward the edges of a wide angle, even voxels that are wide in the middle are as narrow as the low-pass.
+            let deviation = if is_wide_angle { f64::from(LOW_PASS) } else { low_pass.deviation };
+            let is_drawn = !is_wide_angle || !low_pass.is_wide[side] || low_pass.deviation * moved >= narrowest;
+            deviation * moved <= most && is_drawn
         })
     };
     let ends = [[across[0], down[0]], [across[0], down[1]], [across[1], down[0]], [across[1], down[1]]];
@@ -403,4 +426,18 @@ fn perspective(
     let strength = f64::from(kernel.normalisation()) / f64::from(kernel.sigma).powi(2);
     let rays = Rays::Perspective { eye, first, step, steps, strength };
     Some(Lattice { size, picture: view.size, plane_from_pixel, low_pass, rays, kernel, spread: view.margin })
+}
+
+/// Returns by what fraction the perspective shrinks the side of a kernel that is away from the eye, at one voxel from its centre along
+/// the direction in which its footprint is slanted: 0 in the middle of the picture; of a kernel as round as its voxels, the sine of
+/// the angle from there over the distance from the eye's plane, in voxels.
+///
+/// `toward`: from the eye to the kernel, to the right, upward and forward; `steps`: those of the voxels, in columns.
+fn unevenness(toward: DVec3, steps: DMat3) -> f64 {
+    let forward = steps.row(2);
+    // Nearer voxels are integrated along rays in every picture.
+    let depth = toward.z.max(NEAR * forward.length());
+    let outward =
+        steps.transpose() * DVec3::new(toward.x * depth, toward.y * depth, -toward.truncate().length_squared());
+    outward.dot(forward).abs() / (outward.length() * depth).max(f64::MIN_POSITIVE)
 }
