@@ -41,7 +41,7 @@ const WIDE_ANGLE: f64 = 0.768;
 const MOST_UNEVEN: [f64; 2] = [0.015, 0.036];
 /// Least standard deviation where the picture shows the box, along an axis that takes the plane's pixels as they are, for
 /// [`Sampling::Enough`] and [`Sampling::Fewest`]: below, weights are those of one pixel, or alike for eight.
-const NARROWEST: [f64; 2] = [0.5, 0.25];
+const NARROWEST: [f64; 2] = [0.5, 0.3];
 /// Least distance from the eye to the nearest slice, in voxels: nearer slices are seen under too many angles.
 const NEAREST: f64 = 8.0;
 
