@@ -14,7 +14,7 @@ use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Arena, Lane, LaneSet};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::{IN_FLIGHT, level_kernel, stored_transfer};
+use adjsplat::internals::{IN_FLIGHT, level_settings, stored_transfer};
 use adjsplat::splat::cpu;
 use adjsplat::splat::cpu::Canvas;
 use adjsplat::splat::{Blending, Camera, Lanes, Projection, Settings, View};
@@ -68,14 +68,13 @@ impl MemoryShares {
         samplings.dedup();
         // Each way to draw, with the grid points and the tiles of what is drawn.
         let mut canvases = Vec::new();
-        for (level, arena) in &drawn {
-            let grid = &arena.facts().grid;
-            let tiles = arena.lanes().map(|lane| lane.tiles.len() as u64).max().unwrap_or(0);
+        for (_, level) in &drawn {
+            let grid = &level.facts().grid;
+            let tiles = level.lanes().map(|lane| lane.tiles.len() as u64).max().unwrap_or(0);
             canvases.push((Canvas::Picture, grid.dims, tiles));
-            let Some((low, high)) = arena.lanes().next().and_then(|lane| lane.bounds()) else { continue };
+            let Some((low, high)) = level.lanes().next().and_then(|lane| lane.bounds()) else { continue };
             for &sampling in &samplings {
-                let kernel = level_kernel(settings.kernel(), *level);
-                let settings = settings.clone().with_kernel(kernel).with_sampling(sampling);
+                let settings = level_settings(settings, &arena.facts().grid, grid).with_sampling(sampling);
                 for camera in cameras {
                     let canvas = cpu::canvas(grid, &VoxelBox { low, high }, camera, &settings)?;
                     canvases.push((canvas, grid.dims, tiles));

@@ -12,7 +12,8 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-use super::kernel::{KernelShape, Quality};
+use super::block_kernel::Blocks;
+use super::kernel::Quality;
 use super::view::PixelMap;
 use super::{Blending, Camera, Lanes, Mode, Scene, Settings, View};
 use crate::arena::Lane;
@@ -22,13 +23,6 @@ use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::traverse::{Order, Viewpoint, VoxelBox};
 use crate::volume::{Axis, Grid};
-
-/// Standard deviations of the kernels of level 1, of level 2, and of all coarser levels, in the level's voxels, where that
-/// of level 0 is [`SIGMA_0`]. Measured: docs/studies/levels.md.
-const SIGMAS: [f32; 3] = [0.4, 0.27, 0.23];
-const SIGMA_0: f32 = 0.7;
-/// Largest radius of these kernels, in standard deviations. A wider cut-off is slower, and was no nearer to the truth.
-const CUT_OFF: f32 = 3.2;
 
 /// A level with more voxels than this, for each voxel of level 0, is not drawn: its voxels lie beside the points of the grid, and
 /// drawing one takes 1.1 to 1.8 times as long as drawing one of level 0.
@@ -41,8 +35,10 @@ const WORTHWHILE: f64 = 0.4;
 /// This is the bound for blocks of eight points. For blocks of four it is raised to the power 2/3, for blocks of two to 1/3: shells of
 /// 48^3 points with spacings of 1 : 1 : 3, whose blocks have four points, have a crowding of 1.51, and 32 dB from level 1.
 const THIN: f64 = 1.6;
-/// The same for label maps, whose blocks hold several labels: 1.04 in an atlas of large organs, 1.16 in a frog of thin ones.
+/// The same for label maps, whose blocks hold several labels: 1.04 in an atlas of large organs, 1.16 in a frog of thin ones. At
+/// standard the frog has 36.7 dB where voxels are a quarter of a pixel; as a draft it has 33.
 const THIN_LABELS: f64 = 1.1;
+const THIN_LABELS_IN_DRAFTS: f64 = 1.3;
 
 /// A crop that divides blocks of a level is drawn from that level only if it is at least so many blocks thick, as it is rounded
 /// to whole blocks: a crop of one slice would vanish, or become a block thick.
@@ -104,21 +100,15 @@ impl LevelPart {
     }
 
     /// Returns the settings with which the part is drawn.
-    pub fn settings(&self, settings: &Settings) -> Settings {
-        let kernel = level_kernel(settings.kernel(), self.level);
-        Settings { crop: self.crop, kernel: Some(kernel), level: Some(0), ..settings.clone() }
+    pub fn settings(&self, scene: &Scene, settings: &Settings) -> Settings {
+        let settings = level_settings(settings, &scene.facts.grid, &facts_of(scene, self.level).grid);
+        Settings { crop: self.crop, ..settings }
     }
 }
 
-/// Returns the kernel of a level, in its own voxels, given that of level 0.
-///
-/// A level's voxels are means of blocks already: with the kernel of level 0 they would be smeared twice.
-pub fn level_kernel(kernel: KernelShape, level: usize) -> KernelShape {
-    let Some(below) = level.checked_sub(1) else { return kernel };
-    let factor = SIGMAS[below.min(SIGMAS.len() - 1)] / SIGMA_0;
-    // The narrowest kernel that settings allow.
-    let sigma = (kernel.sigma * factor).max(0.2);
-    KernelShape { sigma, radius: sigma * (kernel.radius / kernel.sigma).min(CUT_OFF) }
+/// Returns the settings with which a level is drawn, given its grid and that of level 0.
+pub fn level_settings(settings: &Settings, grid: &Grid, level: &Grid) -> Settings {
+    Settings { blocks: Blocks(factors(grid, level)), level: Some(0), ..settings.clone() }
 }
 
 /// Returns the most pixels that the longest edge of a voxel of `level` may have; 0 if the level is never drawn.
@@ -127,19 +117,19 @@ pub fn level_kernel(kernel: KernelShape, level: usize) -> KernelShape {
 /// of docs/studies/levels.md keep it with these numbers, but for two (see standard, level 1); finer waves than theirs have less.
 /// What each comes from:
 ///
-/// * Standard, level 1: 38 dB are kept from 0.59 pixels on by engine, from 0.8 by vessels, iron and atlas. Two MR heads have 36.3
-///   and 36.5 dB at 0.5 pixels, and keep 38 from 0.29 and 0.34 on: that is worth 3.4 to 4.4 times the speed of the others.
-/// * Standard, level 2: engine has 35.5 dB at 0.25 pixels. At 0.125 the pictures of all sets have fewer than 32 pixels a side, and
+/// * Standard, level 1: 38 dB are kept from 0.6 pixels on by engine, iron and atlas. Two MR heads have 37.7 and 37.9 dB at 0.5
+///   pixels, and keep 38 from 0.42 and 0.46 on; thin vessels (256^3) have 36.5.
+/// * Standard, level 2: engine has 36.3 dB at 0.25 pixels. At 0.125 the pictures of all sets have fewer than 32 pixels a side, and
 ///   level 0 itself has 34 to 42 dB there.
-/// * Draft, level 1: sag has 33.8 dB at 1.03 pixels. Level 2: engine has 30 dB at 0.7. Level 3: engine has 30.3 dB at 0.5.
+/// * Draft, level 1: frog has 32.7 dB at 0.87 pixels. Level 2: mr has 32.5 dB at 1.07 pixels. At one pixel engine has 33 and more in
+///   five views, but 28.4 where one looks onto a wall of four voxels with two colours. Level 3: engine has 31.2 dB at 0.72.
 /// * Thin matter at standard: level 1 of shells has 30 dB at 0.125 pixels.
-/// * Thin matter at draft: at 0.25 pixels level 2 of shells has 30.3 dB, of gyroid 30.6.
+/// * Thin matter at draft: at 0.25 pixels level 2 of shells has 29.3 dB, of gyroid 30.6.
 fn most_pixels(quality: Quality, level: usize, is_thin: bool) -> f64 {
     match (quality, level, is_thin) {
         (_, 0, _) => f64::INFINITY,
-        (Quality::Draft, 1, false) => 1.0,
-        (Quality::Draft, 2, false) => 0.67,
-        (Quality::Draft, 3, false) => 0.5,
+        (Quality::Draft, 1 | 2, false) => 1.08,
+        (Quality::Draft, 3, false) => 0.7,
         (Quality::Draft, 4.., false) | (Quality::Draft, 2.., true) => 0.25,
         (Quality::Standard, 1, false) => 0.5,
         (Quality::Standard, _, false) => 0.125,
@@ -153,10 +143,14 @@ fn share(scene: &Scene, level: usize) -> f64 {
 }
 
 /// Returns whether the matter is thin, as the crowding of level 1 tells (see [`THIN`]).
-fn is_thin(scene: &Scene) -> bool {
+fn is_thin(scene: &Scene, quality: Quality) -> bool {
     let points: u32 = factors(&scene.facts.grid, &facts_of(scene, 1).grid).iter().product();
     let crowding = share(scene, 1) * f64::from(points);
-    let most = if scene.transfer.is_labels() { THIN_LABELS } else { THIN };
+    let most = match (scene.transfer.is_labels(), quality) {
+        (false, _) => THIN,
+        (true, Quality::Draft) => THIN_LABELS_IN_DRAFTS,
+        (true, _) => THIN_LABELS,
+    };
     crowding > most.powf(f64::from(points).log2() / 3.0)
 }
 
@@ -180,9 +174,9 @@ pub fn level_order(scene: &Scene, level: usize, camera: &Camera, settings: &Sett
         return Err(Error::input("level", format!("{level} is not in the file")));
     }
     let grid = &facts_of(scene, level).grid;
-    let kernel = level_kernel(settings.kernel(), level);
-    let view = View::new(camera, grid, settings.size, kernel, settings.near)?;
-    super::setup::walk_order(&view, grid, settings)
+    let settings = level_settings(settings, &scene.facts.grid, grid);
+    let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
+    super::setup::walk_order(&view, grid, &settings)
 }
 
 /// Returns the levels that a view draws, coarsest first, each with the order in which its voxels are visited.
@@ -223,7 +217,7 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
         let grid = &facts_of(scene, level).grid;
         grid.spacing.into_iter().fold(0.0, f64::max) / view.mean_voxel
     };
-    let is_thin = is_thin(scene);
+    let is_thin = is_thin(scene, settings.quality);
     // The distance from the eye, in mean voxels of level 0, from which on a level is drawn; 0 or infinity in parallel views.
     let distances: Vec<f64> = (0..=levels)
         .map(|level| {

@@ -8,6 +8,7 @@
 //! ```
 
 pub(crate) mod arith;
+pub(crate) mod block_kernel;
 pub(crate) mod camera;
 pub(crate) mod clip;
 pub(crate) mod composite;
@@ -31,6 +32,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde::{Deserialize, Serialize};
 
+use self::block_kernel::Blocks;
 use crate::arena::layout::Facts;
 use crate::arena::{Lane, LaneSet, Overlay, OwnedLane};
 use crate::classify::TransferFunction;
@@ -168,6 +170,8 @@ pub struct Settings {
     /// The level of detail to draw, 0 for the voxels themselves; `None` draws the coarsest levels that keep the accuracy of
     /// `quality`, place by place.
     pub level: Option<usize>,
+    /// How many points of level 0 a voxel of the scene stands for.
+    pub(crate) blocks: Blocks,
     /// The machine code that draws.
     pub code: Code,
     /// Asks the processor's renderer to stop; `None` for never.
@@ -256,6 +260,7 @@ impl Settings {
             exposure: None,
             sampling: None,
             level: None,
+            blocks: Blocks::NONE,
             code: Code::default(),
             stop: None,
         }
@@ -375,6 +380,11 @@ impl Settings {
 
     /// Returns the kernel to use: the one that is set, or else that of the quality.
     pub fn kernel(&self) -> KernelShape {
+        self.blocks.widest(self.fine_kernel())
+    }
+
+    /// Returns the kernel of level 0.
+    pub(crate) fn fine_kernel(&self) -> KernelShape {
         self.kernel.unwrap_or_else(|| self.quality.kernel())
     }
 

@@ -1,5 +1,6 @@
 //! The setup of a frame: what every renderer derives from a scene, a camera and settings before it draws.
 
+use super::block_kernel::Widths;
 use super::clip::ClipRegion;
 use super::kernel::KernelShape;
 use super::shade::Lights;
@@ -21,6 +22,7 @@ pub struct FrameSetup<'a> {
     pub(crate) lights: Option<Lights>,
     /// The reconstruction kernel to use.
     pub kernel: KernelShape,
+    pub(crate) widths: Widths,
     pub(crate) clip: ClipRegion,
     /// Whether the mode is [`Mode::Maximum`](super::Mode::Maximum) or its grey form.
     #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only renderers on graphics devices ask for it"))]
@@ -36,7 +38,7 @@ impl<'a> FrameSetup<'a> {
     pub fn new(scene: &Scene<'a>, camera: &Camera, settings: &Settings) -> Result<FrameSetup<'a>> {
         settings.check()?;
         let grid = &scene.facts.grid;
-        let kernel = settings.kernel();
+        let (kernel, widths) = (settings.kernel(), settings.blocks.widths(settings.fine_kernel()));
         let maximum = settings.mode.is_maximum();
         let mut view = View::new(camera, grid, settings.size, kernel, settings.near)?;
         if maximum {
@@ -53,7 +55,7 @@ impl<'a> FrameSetup<'a> {
         let lit = scene.transfer.shaded() && lane.channels.normal_bits > 0 && !maximum;
         let lights = settings.lighting.filter(|_| lit).map(|lighting| Lights::new(&lighting, &view));
         let clip = ClipRegion::new(settings, grid);
-        Ok(FrameSetup { view, order, lane, lights, kernel, clip, maximum })
+        Ok(FrameSetup { view, order, lane, lights, kernel, widths, clip, maximum })
     }
 }
 

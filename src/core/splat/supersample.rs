@@ -17,6 +17,7 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec4};
 
+use super::cpu::project::widened;
 use super::frame::in_range;
 use super::kernel::{LOW_PASS, narrowest_sigma};
 use super::view::{MAX_SIZE, PixelMap, View, apply, single};
@@ -259,9 +260,12 @@ impl Filter {
 ///
 /// In perspective it is that of a voxel at the centre of the drawn part of `bounds`, as if it were on the view axis.
 pub(super) fn sigma_at_centre(view: &View, bounds: &VoxelBox, settings: &Settings) -> f32 {
-    let sigma = settings.kernel().sigma;
+    let sigma = settings.fine_kernel().sigma;
+    let per_block = settings.blocks.0.map(|points| 1.0 / points as f32);
     match &view.map {
-        PixelMap::Parallel { pixel_from_voxel, .. } => narrowest_sigma(pixel_from_voxel.each_ref().map(single), sigma),
+        PixelMap::Parallel { pixel_from_voxel, .. } => {
+            narrowest_sigma(widened(pixel_from_voxel.each_ref().map(single), per_block), sigma)
+        }
         PixelMap::Perspective { camera_from_voxel, focal, near, .. } => {
             let VoxelBox { low, high } = settings.crop.unwrap_or(*bounds);
             let centre = [0, 1, 2].map(|a| {
@@ -275,7 +279,7 @@ pub(super) fn sigma_at_centre(view: &View, bounds: &VoxelBox, settings: &Setting
             let scale = focal / distance;
             let row =
                 |axis: DVec3| [0, 1, 2].map(|a| (scale * axis.dot(DVec3::new(right[a], up[a], forward[a]))) as f32);
-            narrowest_sigma([row(across), row(above)], sigma)
+            narrowest_sigma(widened([row(across), row(above)], per_block), sigma)
         }
     }
 }

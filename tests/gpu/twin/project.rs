@@ -108,6 +108,15 @@ fn coverage_of(frame: &FrameUniform, code: u32) -> Coverage {
     }
 }
 
+/// Returns the Jacobian of a voxel whose kernel is wider along some axes than along others.
+fn widened(frame: &FrameUniform, offset: [f32; 3], rows: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
+    if frame.coverage_bits == 0 {
+        return rows;
+    }
+    let width = |a: usize| frame.widths[a][((8.0 * offset[a].abs() + 0.5) as usize).min(2)];
+    rows.map(|row| [0, 1, 2].map(|a| width(a) * row[a]))
+}
+
 /// Returns by how much a screen coordinate changes with an offset in voxels.
 fn displacement(row: &AffineRow, shift: i32, offset: [f32; 3]) -> f32 {
     dot([0, 1, 2].map(|a| row.whole[a] as f32 * unit(shift) + row.remainder[a]), offset)
@@ -408,7 +417,13 @@ fn splat_of(frame: &FrameUniform, is_maximum: bool, voxel: &VisitedVoxel, channe
         x = pixel_position(&frame.rows[0], frame.shifts[0], xyz, cover.offset);
         y = pixel_position(&frame.rows[1], frame.shifts[1], xyz, cover.offset);
         let [falloff_x, falloff_y, shear, _] = frame.ellipse;
-        ellipse = Footprint { falloff_x, falloff_y, shear, half_width: frame.half_width, density: 1.0 };
+        ellipse = if frame.coverage_bits == 0 {
+            Footprint { falloff_x, falloff_y, shear, half_width: frame.half_width, density: 1.0 }
+        } else {
+            let [x, y] = widened(frame, cover.offset, [gradient(frame, 0), gradient(frame, 1)]);
+            footprint(frame, x, y)
+        };
+        strength *= ellipse.density;
     } else {
         let distance = coordinate(&frame.rows[2], frame.shifts[2], xyz, cover.offset);
         if distance < frame.near || distance.is_nan() {
@@ -422,6 +437,7 @@ fn splat_of(frame: &FrameUniform, is_maximum: bool, voxel: &VisitedVoxel, channe
         let scale = frame.focal * closeness;
         let across = frame.steps.map(|step| scale * (step[0] - tx * step[2]));
         let down = frame.steps.map(|step| scale * (ty * step[2] - step[1]));
+        let [across, down] = widened(frame, cover.offset, [across, down]);
         ellipse = footprint(frame, across, down);
         strength *= ellipse.density * (1.0 + tx * tx + ty * ty).sqrt() * (closeness * closeness);
     }

@@ -81,7 +81,10 @@ for_each_instruction_set! {
         let SplatBuffers { tiles, splats } = buffers;
         let thresholds = [projector.cut, projector.stop];
         match &projector.map {
-            PixelMap::Parallel { .. } => raster::draw::<B>(tiles, splats, |_| projector.ellipse, None, thresholds),
+            PixelMap::Parallel { .. } if projector.shapes.is_none() => {
+                raster::draw::<B>(tiles, splats, |_| projector.ellipse, None, thresholds)
+            }
+            PixelMap::Parallel { .. } => raster::draw::<B>(tiles, splats, |j| splats.ellipse(j), None, thresholds),
             PixelMap::Perspective { .. } => {
                 raster::draw::<B>(tiles, splats, |j| splats.ellipse(j), projector.near.as_ref(), thresholds)
             },

@@ -1,6 +1,6 @@
 //! Footprints: what a voxel that lies beside the points of the grid weighs at the pixels around it, in a parallel view.
 //!
-//! In: a lattice. Out: for each place within a pixel, rounded to eighths along each side, the weights at the pixels that the
+//! In: a lattice. Out: for each place within a pixel, rounded to quarters along each side, the weights at the pixels that the
 //! kernel reaches. They are computed once for a frame, and serve all slices:
 //!
 //! ```text
@@ -17,9 +17,10 @@ use super::slab::Tiles;
 use super::tile_buffer::{TILE, TILE_PIXELS};
 use super::voxel_block::VoxelBlock;
 use crate::arena::{Coverage, Lane};
+use crate::splat::block_kernel::{SHAPES, shape};
 
 /// Number of bits of a place within a pixel, along a side; number of places, and their middle, which is the pixel's centre.
-const BITS: i32 = 3;
+const BITS: i32 = 2;
 const PLACES: i32 = 1 << BITS;
 const MIDDLE: i32 = PLACES / 2;
 /// Slack of a kernel's reach, in pixels: what is rounded must not leave out a weight.
@@ -30,8 +31,6 @@ const SHARE_BITS: u32 = 7;
 
 /// The weights of a frame's kernels, and how codes of coverages move voxels. Pairs are along columns and rows of the plane.
 pub(super) struct Footprints {
-    /// How far a kernel reaches, in eighths of a pixel.
-    reach: [i32; 2],
     /// How many pixels the first column or row of weights is before a voxel's nearest pixel.
     before: [i32; 2],
     /// Number of strips for a place, and of rows of a strip.
@@ -40,9 +39,21 @@ pub(super) struct Footprints {
     /// Last column and last row of tiles.
     last: [i32; 2],
     weights: Vec<f32>,
-    /// For each code of a place in a block: how far that is from the block's centre, in eighths of a pixel.
-    shifts: Box<[[f32; 2]; CODES]>,
+    beside: Box<[Beside; CODES]>,
     code_shift: u32,
+}
+
+/// What a code of a place in a block stands for. Lengths are in quarters of a pixel.
+#[derive(Debug, Clone, Copy)]
+struct Beside {
+    /// How far the voxel is from the block's centre.
+    shift: [f32; 2],
+    /// How far its kernel reaches.
+    reach: [i32; 2],
+    /// The number of the first weights of its kernel.
+    first: i32,
+    /// The optical depth of a voxel of depth 1 at its centre.
+    strength: f32,
 }
 
 impl Footprints {
@@ -53,56 +64,77 @@ impl Footprints {
             return None;
         }
         let slice = lattice.slice(0);
-        let reach = [0, 1].map(|side| {
-            let reach = lattice.kernel_reach(side, [0.0; 2]) / slice.step[side] + SLACK;
-            (reach * f64::from(PLACES)) as i32
+        let reach: [[i32; 2]; SHAPES] = std::array::from_fn(|shape| {
+            [0, 1].map(|side| {
+                let reach = lattice.shape_reach(side, shape) / slice.step[side] + SLACK;
+                (reach * f64::from(PLACES)) as i32
+            })
         });
-        let before = reach.map(|reach| ((reach + MIDDLE) >> BITS) + 3);
+        let farthest = [0, 1].map(|side: usize| reach.iter().fold(0, |most, reach| most.max(reach[side])));
+        let before = farthest.map(|reach| ((reach + MIDDLE) >> BITS) + 3);
         let (strips, rows) = (2 * before[0] - 2, (2 * before[1] + 4) & !3);
-        let mut weights = vec![0.0; (PLACES * PLACES * strips * rows) as usize * 4];
+        let of_shape = (PLACES * PLACES * strips * rows) as usize * 4;
+        let mut weights = vec![0.0; SHAPES * of_shape];
         let strip = Strip { before, strips, rows: rows as usize, scale: slice.scale() };
-        compute(&lattice.tile([0, 0]), &strip, projector.cut, weights.as_chunks_mut().0);
+        let kernels = lattice.kernels([0, 0]);
+        for (weights, kernel) in weights.chunks_exact_mut(of_shape).zip(kernels) {
+            compute(&TileRays::new([0, 0], kernel), &strip, projector.cut, weights.as_chunks_mut().0);
+        }
         let code_shift = if channels.coverage_bits == 8 { 0 } else { SHARE_BITS };
-        let mut shifts = Box::new([[0.0; 2]; CODES]);
-        for (code, shift) in shifts.iter_mut().enumerate() {
+        let mut beside = Box::new([Beside { shift: [0.0; 2], reach: [0; 2], first: 0, strength: 0.0 }; CODES]);
+        for (code, beside) in beside.iter_mut().enumerate() {
             let Coverage { offset, .. } = Coverage::of_code((code << code_shift) as u16, channels);
             let [slow, medium, fast] = projector.nesting.map(|axis| f64::from(offset[axis]));
             let moved = [fast - slow * slice.shift[0], medium - slow * slice.shift[1]];
-            *shift = [0, 1].map(|side: usize| (moved[side] * f64::from(PLACES) / slice.step[side]) as f32);
+            let shape = shape(offset);
+            *beside = Beside {
+                shift: [0, 1].map(|side: usize| (moved[side] * f64::from(PLACES) / slice.step[side]) as f32),
+                reach: reach[shape],
+                first: (shape * of_shape) as i32,
+                strength: kernels[shape].strength,
+            };
         }
         let last = lattice.size.map(|side| (side >> TILE) as i32 - 1);
-        Some(Footprints { reach, before, strips, rows, last, weights, shifts, code_shift })
+        Some(Footprints { before, strips, rows, last, weights, beside, code_shift })
     }
 
-    /// Returns how far a voxel with this code of a coverage is from its grid point, in eighths of a pixel.
+    /// Returns what the code of a coverage stands for.
     #[inline(always)]
-    fn shift(&self, code: u16) -> [f32; 2] {
-        self.shifts[usize::from(code >> self.code_shift) % CODES]
+    fn beside(&self, code: u16) -> &Beside {
+        &self.beside[usize::from(code >> self.code_shift) % CODES]
     }
 
-    /// Returns where a voxel of `slice` lies, in eighths of a pixel, from its coordinates on the fast and the medium axis and
+    /// Returns the optical depth at its centre of a voxel of depth 1 with this code of a coverage.
+    #[inline(always)]
+    pub(super) fn strength(&self, code: u16) -> f32 {
+        self.beside(code).strength
+    }
+
+    /// Returns where a voxel of `slice` lies, in quarters of a pixel, from its coordinates on the fast and the medium axis and
     /// the code of its coverage.
     pub(super) fn place(&self, slice: &Slice, voxel: [u16; 2], code: u16) -> [i32; 2] {
-        let shift = self.shift(code);
-        [0, 1].map(|side| eighths(slice, side, voxel[side], shift[side]))
+        let shift = self.beside(code).shift;
+        [0, 1].map(|side| quarters(slice, side, voxel[side], shift[side]))
     }
 
     /// Returns the first and the last pixel along columns (`side` 0) or rows (1) that a voxel at a place reaches.
-    pub(super) fn pixels(&self, side: usize, at: i32) -> [i32; 2] {
-        [(at - self.reach[side] + PLACES - 1) >> BITS, (at + self.reach[side]) >> BITS]
+    pub(super) fn pixels(&self, side: usize, at: i32, code: u16) -> [i32; 2] {
+        let reach = self.beside(code).reach[side];
+        [(at - reach + PLACES - 1) >> BITS, (at + reach) >> BITS]
     }
 
     /// Returns the weight of a voxel at a place at one of these pixels.
-    pub(super) fn weight(&self, at: [i32; 2], [x, y]: [i32; 2]) -> f32 {
-        self.weights(self.number(at) + self.later([x >> TILE, y >> TILE]))[((y & 3) << TILE | (x & 3)) as usize]
+    pub(super) fn weight(&self, at: [i32; 2], code: u16, [x, y]: [i32; 2]) -> f32 {
+        let number = self.number(at, self.beside(code).first) + self.later([x >> TILE, y >> TILE]);
+        self.weights(number)[((y & 3) << TILE | (x & 3)) as usize]
     }
 
-    /// Returns the number of the weights of a voxel at the first tile of the plane.
+    /// Returns the number of the weights of a voxel at the first tile of the plane; `first` is that of its kernel's first weights.
     #[inline(always)]
-    fn number(&self, at: [i32; 2]) -> i32 {
+    fn number(&self, at: [i32; 2], first: i32) -> i32 {
         let [[column, across], [row, down]] = at.map(|at| [(at + MIDDLE) >> BITS, (at + MIDDLE) & (PLACES - 1)]);
         let strip = (down * PLACES + across) * self.strips + self.before[0] - column;
-        strip.wrapping_mul(self.rows).wrapping_add(self.before[1] - row).wrapping_mul(4)
+        strip.wrapping_mul(self.rows).wrapping_add(self.before[1] - row).wrapping_mul(4).wrapping_add(first)
     }
 
     /// Returns by how much the number of a voxel's weights is higher for this tile than for the first one.
@@ -129,23 +161,24 @@ impl Footprints {
         numbers: &mut [i32],
         [columns, rows]: [&mut [Tiles]; 2],
     ) {
-        let mut shifts = [[0.0; BLOCK]; 2];
+        let (mut shifts, mut reaches, mut firsts) = ([[0.0; BLOCK]; 2], [[0; BLOCK]; 2], [0; BLOCK]);
         for (j, &record) in voxels.records[..voxels.count.min(BLOCK)].iter().enumerate() {
-            [shifts[0][j], shifts[1][j]] = self.shift(lane.coverage_code(record));
+            let Beside { shift, reach, first, .. } = *self.beside(lane.coverage_code(record));
+            ([shifts[0][j], shifts[1][j]], [reaches[0][j], reaches[1][j]], firsts[j]) = (shift, reach, first);
         }
         let [_, mediums, fasts] = voxels.positions;
         let mut at = [[0; BLOCK]; 2];
         for (side, coordinates) in [fasts, mediums].iter().enumerate() {
             for j in 0..BLOCK {
-                at[side][j] = eighths(slice, side, coordinates[j], shifts[side][j]);
+                at[side][j] = quarters(slice, side, coordinates[j], shifts[side][j]);
             }
         }
         for (j, number) in numbers.iter_mut().enumerate().take(BLOCK) {
-            *number = self.number([at[0][j], at[1][j]]);
+            *number = self.number([at[0][j], at[1][j]], firsts[j]);
         }
         for (side, tiles) in [columns, rows].into_iter().enumerate() {
-            let (reach, last) = (self.reach[side], self.last[side]);
-            for (tiles, at) in tiles.iter_mut().zip(&at[side]) {
+            let last = self.last[side];
+            for ((tiles, at), reach) in tiles.iter_mut().zip(&at[side]).zip(&reaches[side]) {
                 let first = ((at - reach + PLACES - 1) >> (BITS + TILE)).max(0);
                 let count = (((at + reach) >> (BITS + TILE)).min(last) + 1 - first).max(0);
                 *tiles = Tiles { first: first as u16, count: count as u16 };
@@ -154,9 +187,9 @@ impl Footprints {
     }
 }
 
-/// Returns the place of a voxel of `slice` along columns (`side` 0) or rows (1), in eighths of a pixel.
+/// Returns the place of a voxel of `slice` along columns (`side` 0) or rows (1), in quarters of a pixel.
 #[inline(always)]
-fn eighths(slice: &Slice, side: usize, voxel: u16, shift: f32) -> i32 {
+fn quarters(slice: &Slice, side: usize, voxel: u16, shift: f32) -> i32 {
     let per_voxel = f64::from(PLACES) / slice.step[side];
     nearest_pixel((f64::from(voxel) - slice.origin[side]) * per_voxel + f64::from(shift)).0
 }

@@ -153,7 +153,7 @@ impl<'a, B: Blend> Band<'a, B> {
     ) -> Result<Band<'a, B>> {
         let columns = lattice.size[0] as usize >> TILE;
         let stamps = lattice.voxels_per_tile().map(|voxels| {
-            let depth = task.projector.table.only_depth().map(|depth| limited(depth, lattice.tile([0, 0]).strength));
+            let depth = task.projector.table.only_depth().map(|depth| limited(depth, lattice.tile([0, 0]).strength()));
             Stamps::new(lattice, voxels, depth)
         });
         let line = task.setup.lane.dims[task.projector.nesting[2]] as usize;
@@ -415,17 +415,19 @@ impl<'a, B: Blend> Band<'a, B> {
                     footprints.place_block(voxels, &projector.lane, slice, &mut slab.stamps[range], tiles);
                 }
                 None => {
-                    lattice.set_places_beside(slice, &projector.displaced(voxels), &mut slab.places[range], tiles);
+                    let places = (&mut slab.places[range.clone()], &mut slab.stamps[range]);
+                    lattice.set_places_beside(slice, &projector.displaced(voxels), places, tiles);
                 }
             }
         }
         let looks = slab.add(voxels);
         match tables {
-            Some(tables) => tables.colour(projector, voxels, looks),
+            Some(tables) => tables.colour(projector, *footprints, voxels, looks),
             None => {
                 dispatch::colour(self.code, projector, voxels, looks);
-                let strength = if lattice.is_parallel() { lattice.tile([0, 0]).strength } else { 1.0 };
-                for look in &mut *looks {
+                let strength = if lattice.is_parallel() { lattice.tile([0, 0]).strength() } else { 1.0 };
+                for (look, &record) in looks.iter_mut().zip(&voxels.records) {
+                    let strength = footprints.map_or(strength, |f| f.strength(projector.lane.coverage_code(record)));
                     look[3] = limited(look[3], strength);
                 }
             }

@@ -5,9 +5,12 @@
 
 use multiversion::multiversion;
 
+use super::footprints::Footprints;
+use super::lattice::Lattice;
 use super::project::{Projector, limited};
 use super::raster::BLOCK;
 use super::voxel_block::VoxelBlock;
+use crate::arena::{Coverage, Lane};
 use crate::classify::normal;
 use crate::splat::composite::Look;
 use crate::splat::shade::Lights;
@@ -17,8 +20,6 @@ use crate::splat::view::PixelMap;
 pub(super) struct LookTables {
     /// For each value code: colour and optical depth, that of a splat unless voxels have coverages.
     looks: Box<[Look; 256]>,
-    /// The optical depth of the splat of a voxel of depth 1.
-    strength: f32,
     /// For each normal code: a factor on the colour, and a highlight; `None` if voxels are not lit.
     light: Option<Box<[[f32; 2]; 1 << 16]>>,
 }
@@ -26,7 +27,7 @@ pub(super) struct LookTables {
 impl LookTables {
     /// Creates the tables of a frame. `None` if the view is not parallel, codes are longer, or there are
     /// few voxels.
-    pub(super) fn new(projector: &Projector, strength: f32) -> Option<LookTables> {
+    pub(super) fn new(projector: &Projector, lattice: &Lattice) -> Option<LookTables> {
         /// Computing the light of each code takes as long as that of this number of voxels.
         const MANY: usize = 1 << 16;
         let channels = projector.lane.channels;
@@ -37,6 +38,7 @@ impl LookTables {
         }
         let mut looks = Box::new(*projector.table.of_bytes()?);
         if projector.is_on_grid() {
+            let strength = lattice.tile([0, 0]).strength();
             looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
         }
         let light = projector.lights.as_ref().map(|lights| {
@@ -45,17 +47,25 @@ impl LookTables {
             light_of_codes(lights, &mut light);
             light
         });
-        Some(LookTables { looks, strength, light })
+        Some(LookTables { looks, light })
     }
 
     /// Computes the colours and depths of a block's voxels.
     #[inline(always)]
-    pub(super) fn colour(&self, projector: &Projector, voxels: &VoxelBlock, looks: &mut [[f32; 4]]) {
+    pub(super) fn colour(
+        &self,
+        projector: &Projector,
+        footprints: Option<&Footprints>,
+        voxels: &VoxelBlock,
+        looks: &mut [[f32; 4]],
+    ) {
         let records = &voxels.records[..voxels.count.min(BLOCK)];
         self.colour_whole(projector, records, looks);
-        if !projector.is_on_grid() {
+        if let Some(footprints) = footprints {
+            let Lane { channels, .. } = projector.lane;
             for (look, &record) in looks.iter_mut().zip(records) {
-                look[3] = limited(look[3] * projector.lane.coverage(record).share, self.strength);
+                let code = projector.lane.coverage_code(record);
+                look[3] = limited(look[3] * Coverage::of_code(code, channels).share, footprints.strength(code));
             }
         }
     }

@@ -80,7 +80,7 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
         let in_front = picture.as_ref().filter(|_| settings.sense == Sense::FrontToBack);
         let front = in_front.map(|picture| Front::new(picture, settings.termination())).transpose()?;
         let (behind, work) =
-            draw_scene(&level.scene(), camera, &part.settings(&drawn), front.as_ref(), Instant::now())?;
+            draw_scene(&level.scene(), camera, &part.settings(scene, &drawn), front.as_ref(), Instant::now())?;
         match &mut picture {
             None => picture = Some(behind),
             Some(picture) => picture.put_behind(&behind, settings.mode),
@@ -106,7 +106,7 @@ fn finer_for(
     let Some(finest) = finest else { return Ok(None) };
     let grid = &facts_of(scene, finest.level).grid;
     let all = VoxelBox { low: [0; 3], high: grid.dims.map(|points| (points - 1) as u16) };
-    let finer = Supersampling::of(grid, Some(all), camera, &finest.settings(settings))?;
+    let finer = Supersampling::of(grid, Some(all), camera, &finest.settings(scene, settings))?;
     Ok(finer.filter(|finer| finer.samples() <= MIXED_SAMPLES))
 }
 

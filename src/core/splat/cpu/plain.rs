@@ -6,9 +6,9 @@
 
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
 use super::footprints::Footprints;
-use super::lattice::Lattice;
+use super::lattice::{Lattice, TileRays};
 use super::maximum::{Rays, advance};
-use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pixel_span, slant};
+use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pixel_span, slant, widened};
 use super::raster::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, full_rect};
 use super::tile_buffer::{Rect, TILE, TileBuffer};
@@ -76,22 +76,23 @@ pub(super) fn draw_on_lattice<B: Blend>(
         }
         let [slow, medium, fast] = projector.nesting.map(|axis| voxel[axis]);
         let slice = lattice.slice(slow);
+        let (offset, shape) = projector.offset(record);
         let place = if projector.is_on_grid() {
             lattice.place(&slice, [fast.into(), medium.into()])
         } else {
-            let offset = projector.offset(record);
             let on_grid = [slow, medium, fast].map(f64::from);
             Lattice::place_beside(&slice, [0, 1, 2].map(|axis| on_grid[axis] + f64::from(offset[axis])))
         };
         let [red, green, blue, depth] = projector.look(record);
         let colour = lit_colour(projector, voxel, record, [red, green, blue]);
+        let code = projector.lane.coverage_code(record);
         let beside = footprints.map(|footprints| {
-            let at = footprints.place(&slice, [fast, medium], projector.lane.coverage_code(record));
+            let at = footprints.place(&slice, [fast, medium], code);
             (footprints, at)
         });
         let spans = [0, 1].map(|side| {
             if let Some((footprints, at)) = beside {
-                let [first, last] = footprints.pixels(side, at[side]);
+                let [first, last] = footprints.pixels(side, at[side], code);
                 return [first.max(0), last.min(lattice.size[side] as i32 - 1)];
             }
             let at = f64::from(place.pixel[side]);
@@ -106,13 +107,16 @@ pub(super) fn draw_on_lattice<B: Blend>(
                 if !shown[tile[1] as usize * columns + tile[0] as usize] {
                     continue;
                 }
-                let rays = lattice.tile(tile);
+                let rays = match lattice.is_beside() {
+                    true => TileRays::new(tile, lattice.kernels(tile)[shape]),
+                    false => lattice.tile(tile),
+                };
                 let weight = match beside {
-                    Some((footprints, at)) => footprints.weight(at, [x, y]),
+                    Some((footprints, at)) => footprints.weight(at, code, [x, y]),
                     None => rays.weights(&place, projector.cut)[((y & 3) << TILE | (x & 3)) as usize],
                 };
                 let depth = if lattice.is_parallel() { depth } else { limited(depth, 1.0) };
-                let peak = limited(depth, rays.strength);
+                let peak = limited(depth, rays.strength());
                 if peak <= 0.0 {
                     continue;
                 }
@@ -244,15 +248,15 @@ fn splat<'a>(task: &'a DrawTask, voxel: [u16; 3], record: usize) -> Option<Colou
         return None;
     }
     let [red, green, blue, depth] = projector.look(record);
-    let offset = projector.offset(record);
+    let (offset, shape) = projector.offset(record);
     let nested = projector.nesting.map(|axis| f64::from(voxel[axis]));
     let place = [0, 1, 2].map(|axis| nested[axis] + f64::from(offset[axis]));
-    let splat = project_voxel(projector, place, depth)?;
+    let splat = project_voxel(projector, place, shape, depth)?;
     Some((splat, lit_colour(projector, voxel, record, [red, green, blue])))
 }
 
 /// Returns the splat of a voxel of this depth at a place along the slow, medium and fast axis; `None` if it is behind the eye or clipped, or shows nothing.
-fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], depth: f32) -> Option<Splat<'a>> {
+fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize, depth: f32) -> Option<Splat<'a>> {
     let affine = |map: &Affine| affine_at(&projector.nested(map), position);
     let centre = |column: f64, row: f64| {
         let ((x, offset_x), (y, offset_y)) = (nearest_pixel(column), nearest_pixel(row));
@@ -265,7 +269,11 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], depth: f32) -
     };
     match &projector.map {
         PixelMap::Parallel { pixel_from_voxel: [column, row], .. } => {
-            footprint_at(centre(affine(column), affine(row)), projector.ellipse, projector.strength)
+            let (ellipse, strength) = match &projector.shapes {
+                None => (projector.ellipse, projector.strength),
+                Some(shapes) => (shapes[shape].ellipse, projector.per_density * shapes[shape].density),
+            };
+            footprint_at(centre(affine(column), affine(row)), ellipse, strength)
         }
         PixelMap::Perspective { camera_from_voxel, focal, centre: [middle_x, middle_y], near: far } => {
             let [t0, t1, t2] = camera_from_voxel.map(|map| affine(&map));
@@ -282,6 +290,7 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], depth: f32) -
             let (right, up) = (t0 * inverse_depth, t1 * inverse_depth);
             let (tan_x, tan_y, nearness) = (right as f32, up as f32, inverse_depth as f32);
             let rows = jacobian(&camera_from_voxel.each_ref().map(single), tan_x, tan_y, *focal as f32 * nearness);
+            let rows = if projector.is_on_grid() { rows } else { widened(rows, projector.widths.of(shape)) };
             let footprint = footprint(rows, projector.sigma, projector.cut_off);
             let strength = projector.strength * footprint.density * slant(tan_x, tan_y) * (nearness * nearness);
             footprint_at(centre(middle_x + focal * right, middle_y - focal * up), footprint.ellipse, strength)

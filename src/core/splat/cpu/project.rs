@@ -18,9 +18,10 @@ use crate::arena::visible::MAX_DEPTH;
 use crate::arena::{Coverage, Lane};
 use crate::classify::normal;
 use crate::splat::arith::{LOG2_E, at_least, at_most, keep_if};
+use crate::splat::block_kernel::{SHAPES, Widths, shape};
 use crate::splat::clip::{ClipRegion, IndexPlane};
 use crate::splat::composite::{Look, Table};
-use crate::splat::kernel::{Ellipse, footprint};
+use crate::splat::kernel::{Ellipse, Footprint, footprint};
 use crate::splat::near::NearView;
 use crate::splat::setup::FrameSetup;
 use crate::splat::shade::Lights;
@@ -48,8 +49,13 @@ pub struct Projector<'a> {
     pub(super) near: Option<NearView>,
     /// The footprint that all voxels of a parallel view share; all fields are 0 in perspective.
     pub(super) ellipse: Ellipse,
+    /// The footprints of a parallel view by the shape of the kernel, if voxels lie beside points of the grid.
+    pub(super) shapes: Option<Box<[Footprint; SHAPES]>>,
+    pub(super) widths: Widths,
     /// The peak of a splat of optical depth 1; in perspective, kernel normalisation times squared focal length.
     pub(super) strength: f32,
+    /// The same in a parallel view for a footprint of density 1.
+    pub(super) per_density: f32,
     /// The position of the eye along the x, y and z axis, in mean voxel spacings.
     pub(super) eye: [f32; 3],
     /// The distance between neighbouring voxels on each axis, in mean voxel spacings.
@@ -59,7 +65,7 @@ pub struct Projector<'a> {
 impl<'a> Projector<'a> {
     /// Creates the projector of a frame. `stop`: transmittance below which a pixel no longer changes; 0 for never.
     pub fn new(setup: &FrameSetup<'a>, table: &'a Table<'a>, stop: f32) -> Projector<'a> {
-        let FrameSetup { view, order, lane, lights, kernel, clip, .. } = setup;
+        let FrameSetup { view, order, lane, lights, kernel, widths, clip, .. } = setup;
         let (sigma, cut_off, normalisation) = (kernel.sigma, kernel.cut_off(), kernel.normalisation());
         let (ellipse, strength) = match &view.map {
             PixelMap::Parallel { pixel_from_voxel, scale } => {
@@ -67,6 +73,17 @@ impl<'a> Projector<'a> {
                 (footprint.ellipse, normalisation * footprint.density * (scale * scale) as f32)
             }
             PixelMap::Perspective { focal, .. } => (Ellipse::default(), normalisation * (focal * focal) as f32),
+        };
+        let per_density = match &view.map {
+            PixelMap::Parallel { scale, .. } => normalisation * (scale * scale) as f32,
+            PixelMap::Perspective { .. } => 0.0,
+        };
+        let shapes = match &view.map {
+            PixelMap::Parallel { pixel_from_voxel, .. } if lane.channels.coverage_bits > 0 => {
+                let rows = pixel_from_voxel.each_ref().map(single);
+                Some(Box::new(std::array::from_fn(|shape| footprint(widened(rows, widths.of(shape)), sigma, cut_off))))
+            }
+            _ => None,
         };
         Projector {
             lane: *lane,
@@ -81,7 +98,10 @@ impl<'a> Projector<'a> {
             map: view.map,
             near: NearView::new(view, *kernel),
             ellipse,
+            shapes,
+            widths: *widths,
             strength,
+            per_density,
             eye: view.eye_scaled.map(|c| c as f32),
             steps: view.steps.map(|c| c as f32),
         }
@@ -100,7 +120,7 @@ impl<'a> Projector<'a> {
             PixelMap::Perspective { .. } => (self.ellipse, self.strength),
         };
         let near = self.near.as_ref().map(|near| near.wider(width));
-        Projector { sigma, ellipse, strength: strength * width.powi(3), near, ..*self }
+        Projector { sigma, ellipse, strength: strength * width.powi(3), near, shapes: None, ..*self }
     }
 
     /// Returns half the width and height of a footprint's box in a parallel view, in pixels; 0 in perspective.
@@ -133,21 +153,24 @@ impl<'a> Projector<'a> {
         self.lane.channels.coverage_bits == 0
     }
 
-    /// Returns how far the voxel of a record lies from its grid point, in voxels, along the slow, medium and fast axis.
+    /// Returns how far the voxel of a record lies from its grid point, in voxels, along the slow, medium and fast axis; and the
+    /// shape of its kernel.
     #[inline(always)]
-    pub(super) fn offset(&self, record: usize) -> [f32; 3] {
+    pub(super) fn offset(&self, record: usize) -> ([f32; 3], usize) {
         let Coverage { offset, .. } = self.lane.coverage(record);
-        self.nesting.map(|axis| offset[axis])
+        (self.nesting.map(|axis| offset[axis]), shape(offset))
     }
 
     /// Returns the places of a block's voxels in a lane with coverages.
     #[inline(always)]
     pub(super) fn displaced<'v>(&self, voxels: &'v VoxelBlock) -> Displaced<'v> {
-        let mut offsets = [[0.0; BLOCK]; 3];
+        let (mut offsets, mut shapes) = ([[0.0; BLOCK]; 3], [0; BLOCK]);
         for j in 0..voxels.count.min(BLOCK) {
-            [offsets[0][j], offsets[1][j], offsets[2][j]] = self.offset(voxels.records[j]);
+            let shape;
+            ([offsets[0][j], offsets[1][j], offsets[2][j]], shape) = self.offset(voxels.records[j]);
+            shapes[j] = shape as u8;
         }
-        Displaced { positions: &voxels.positions, offsets }
+        Displaced { positions: &voxels.positions, offsets, shapes }
     }
 
     /// Returns, for each voxel of a block, whether neither the crop nor the clip plane leaves it out.
@@ -200,7 +223,12 @@ impl<'a> Projector<'a> {
                 let inverse_depth = 1.0 / if in_front { t2 } else { near };
                 let (tan_right, tan_up) = (t0 * inverse_depth, t1 * inverse_depth);
                 let (tan_x, tan_y, nearness) = (tan_right as f32, tan_up as f32, inverse_depth as f32);
-                let footprint = footprint(jacobian(&steps, tan_x, tan_y, focal_single * nearness), sigma, cut_off);
+                let rows = jacobian(&steps, tan_x, tan_y, focal_single * nearness);
+                let rows = match positions.shapes() {
+                    None => rows,
+                    Some(shapes) => widened(rows, self.widths.of(shapes[from + j].into())),
+                };
+                let footprint = footprint(rows, sigma, cut_off);
                 let ellipse = footprint.ellipse;
                 strengths[j] =
                     keep_if(in_front, strength * footprint.density * slant(tan_x, tan_y) * (nearness * nearness));
@@ -256,6 +284,23 @@ impl<'a> Projector<'a> {
     #[inline(always)]
     fn place_parallel<C: Coordinates>(&self, pixel_from_voxel: [Affine; 2], positions: &C, out: &mut Splats) {
         let [column, row] = pixel_from_voxel.map(|map| self.nested(&map));
+        let (Some(shapes), Some(footprints)) = (positions.shapes(), &self.shapes) else {
+            return self.place_alike([column, row], positions, out);
+        };
+        for j in 0..BLOCK {
+            let Footprint { ellipse, density } = footprints[usize::from(shapes[j]) % SHAPES];
+            let position = positions.at(j);
+            out.x.set(j, nearest_pixel(affine_at(&column, position)), ellipse.half_x);
+            out.y.set(j, nearest_pixel(affine_at(&row, position)), ellipse.half_y);
+            (out.ellipses[0][j], out.ellipses[1][j], out.ellipses[2][j]) =
+                (ellipse.u_factor, ellipse.y_factor, ellipse.shear);
+            out.strength[j] = self.per_density * density;
+        }
+    }
+
+    /// Does the work of [`Projector::place`] in a parallel view of voxels that have one kernel.
+    #[inline(always)]
+    fn place_alike<C: Coordinates>(&self, [column, row]: [Affine; 2], positions: &C, out: &mut Splats) {
         let Ellipse { half_x, half_y, .. } = self.ellipse;
         for from in (0..BLOCK).step_by(LANES) {
             let (mut x, mut y) = (Extents::new(), Extents::new());
@@ -444,14 +489,16 @@ impl<'a> Projector<'a> {
 /// How many voxels are computed at once, in local arrays, which the compiler knows not to overlap with other arrays.
 const LANES: usize = 16;
 
-impl Extents<LANES> {
+impl<const N: usize> Extents<N> {
     /// Sets the centre and box of voxel `j` in x or y. The box reaches `half_width` pixels to both sides of the centre.
     #[inline(always)]
     fn set(&mut self, j: usize, centre: (i32, f32), half_width: f32) {
         (self.nearest[j], self.offset[j]) = centre;
         (self.low[j], self.high[j]) = pixel_span(centre, half_width);
     }
+}
 
+impl Extents<LANES> {
     /// Copies all values into a block's arrays, starting at index `from`.
     #[inline(always)]
     fn copy_to(&self, from: usize, out: &mut Extents<BLOCK>) {
@@ -497,6 +544,12 @@ pub(super) fn jacobian(steps: &[[f32; 3]; 3], tan_x: f32, tan_y: f32, scale: f32
         rows[1][a] = scale * (tan_y * forward[a] - up[a]);
     }
     rows
+}
+
+/// Returns the Jacobian `rows` of a voxel whose kernel has these widths along the axes.
+#[inline(always)]
+pub(in super::super) fn widened(rows: [[f32; 3]; 2], widths: [f32; 3]) -> [[f32; 3]; 2] {
+    rows.map(|[x, y, z]| [x * widths[0], y * widths[1], z * widths[2]])
 }
 
 /// Returns the length of a ray divided by its length along the view axis. In the world, the area of a pixel

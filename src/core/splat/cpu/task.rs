@@ -116,7 +116,7 @@ impl<'a> DrawTask<'a> {
         // Bands of few rows of tiles stay near in the cache, and let threads end at about the same time. But what lies at
         // a band's border is read twice, and each band computes stamps.
         let each = if settings.threads == 1 { 32 } else { rows.div_ceil(2 * settings.threads).clamp(8, 32) };
-        let looks = LookTables::new(&self.projector, lattice.tile([0, 0]).strength);
+        let looks = LookTables::new(&self.projector, lattice);
         let tables = (looks.as_ref(), footprints.as_ref());
         let (mut frame, mut stats) = (Frame::transparent(lattice.kept())?, BandStats::default());
         let level = dispatch::level(settings.code);

@@ -10,6 +10,7 @@ use super::project::{Projector, limited};
 use super::slab::Slab;
 use super::stamps::Stamps;
 use super::tile_buffer::{TILE_PIXELS, TileBuffer};
+use crate::splat::block_kernel::SHAPES;
 
 /// How many splats' amounts are computed together in a perspective. If a tile closes, the rest of them are computed in vain.
 const FEW: usize = 8;
@@ -69,9 +70,16 @@ impl Weights<'_> {
             }
         } else {
             let rays = self.lattice.tile(place);
+            let kernels = self.lattice.is_beside().then(|| self.lattice.kernels(place));
             let mut amounts = [[0.0; TILE_PIXELS]; FEW];
             'splats: for few in splats.chunks(FEW) {
-                let count = compute_amounts::<B>(&rays, projector.cut, slab, few, &mut amounts);
+                let count = match &kernels {
+                    None => compute_amounts::<B>(|_| Some(rays), projector.cut, slab, few, &mut amounts),
+                    Some(kernels) => {
+                        let rays_of = |splat| Some(TileRays::new(place, kernels[slab.stamp(splat)? as usize % SHAPES]));
+                        compute_amounts::<B>(rays_of, projector.cut, slab, few, &mut amounts)
+                    }
+                };
                 for (amounts, &splat) in amounts.iter().zip(few).take(count) {
                     let Some(&[red, green, blue, _]) = slab.look(splat) else { break 'splats };
                     is_open = tile.blend::<B>(amounts, [red, green, blue], stop);
@@ -103,7 +111,7 @@ fn amounts<B: Blend>(weights: &[f32; TILE_PIXELS], peak: f32) -> [f32; TILE_PIXE
 /// keep a processor busy. Measured: docs/studies/splats.md.
 #[inline(always)]
 fn compute_amounts<B: Blend>(
-    rays: &TileRays,
+    rays_of: impl Fn(u32) -> Option<TileRays>,
     cut: f32,
     slab: &Slab,
     splats: &[u32],
@@ -112,8 +120,9 @@ fn compute_amounts<B: Blend>(
     let (mut peaks, mut count) = ([0.0; FEW], 0);
     for ((exponents, peak), &splat) in amounts.iter_mut().zip(&mut peaks).zip(splats) {
         let (Some(&[.., depth]), Some(place)) = (slab.look(splat), slab.place(splat)) else { break };
+        let Some(rays) = rays_of(splat) else { break };
         *exponents = rays.exponents(place);
-        *peak = limited(depth, rays.strength);
+        *peak = limited(depth, rays.strength());
         count += 1;
     }
     for (values, peak) in amounts.iter_mut().zip(peaks).take(count) {

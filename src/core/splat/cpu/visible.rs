@@ -31,8 +31,8 @@ impl VisibleRecords<'_> {
                 continue;
             }
             let ellipse = match &projector.map {
-                PixelMap::Parallel { .. } => projector.ellipse,
-                PixelMap::Perspective { .. } => splats.ellipse(j),
+                PixelMap::Parallel { .. } if projector.shapes.is_none() => projector.ellipse,
+                _ => splats.ellipse(j),
             };
             let kernel = SplatKernel { centre: splats.centre(j), ellipse, cut: projector.cut, peak: 1.0 };
             let depth = |x, y| match (&projector.near, splats.near(j)) {

@@ -9,6 +9,11 @@ use crate::traverse::Batch;
 pub trait Coordinates {
     /// Returns the coordinates of voxel `j`.
     fn at(&self, j: usize) -> [f64; 3];
+
+    /// Returns the shapes of the voxels' kernels; `None` if all have one.
+    fn shapes(&self) -> Option<&[u8; BLOCK]> {
+        None
+    }
 }
 
 /// The places of a block's voxels in a lane with coverages: at the mean of what is visible of their blocks.
@@ -16,6 +21,8 @@ pub(super) struct Displaced<'a> {
     pub(super) positions: &'a [[u16; BLOCK]; 3],
     /// By how much, in voxels, along the slow, medium and fast axis.
     pub(super) offsets: [[f32; BLOCK]; 3],
+    /// The shapes of their kernels.
+    pub(super) shapes: [u8; BLOCK],
 }
 
 impl Coordinates for Displaced<'_> {
@@ -23,6 +30,11 @@ impl Coordinates for Displaced<'_> {
     fn at(&self, j: usize) -> [f64; 3] {
         let on_grid = self.positions.at(j);
         [0, 1, 2].map(|axis| on_grid[axis] + f64::from(self.offsets[axis][j]))
+    }
+
+    #[inline(always)]
+    fn shapes(&self) -> Option<&[u8; BLOCK]> {
+        Some(&self.shapes)
     }
 }
 

@@ -43,6 +43,7 @@ pub struct FrameUniform {
     pub rows: [AffineRow; 3],
     pub shifts: [i32; 4],
     pub steps: [[f32; 4]; 3],
+    pub widths: [[f32; 4]; 3],
     pub sample_rays: [[f32; 4]; 3],
     pub eye: [f32; 4],
     pub light: [f32; 4],
@@ -161,7 +162,7 @@ impl FrameUniform {
     ///
     /// The caller fills in `termination`, `initial_alpha`, `uses_magnitude` and `mask_words`.
     pub(crate) fn new(shot: &Shot, window: [i32; 4]) -> FrameUniform {
-        let Shot { view, kernel, .. } = shot;
+        let Shot { view, kernel, widths, .. } = shot;
         let (dims, channels) = (shot.lane.dims, shot.lane.channels);
         let [sigma, cut_off] = [kernel.sigma, kernel.cut_off()];
         let mut uniform = FrameUniform::zeroed();
@@ -173,6 +174,13 @@ impl FrameUniform {
                 let ellipse = footprint.ellipse;
                 uniform.ellipse = [ellipse.u_factor, ellipse.y_factor, ellipse.shear, strength];
                 uniform.half_width = [ellipse.half_x, ellipse.half_y];
+                for a in 0..3 {
+                    let [column, row] = pixel_from_voxel.map(|map| map[a] as f32);
+                    uniform.steps[a] = [column, row, 0.0, 0.0];
+                }
+                if channels.coverage_bits > 0 {
+                    uniform.ellipse[3] = kernel.normalisation() * (scale * scale) as f32;
+                }
                 uniform.eye = padded(shot.lights.map_or([0.0; 3], |lights| lights.eye));
                 pixel_from_voxel
             }
@@ -230,6 +238,7 @@ impl FrameUniform {
         uniform.value_bits = channels.value_bits.into();
         uniform.normal_bits = channels.normal_bits.into();
         uniform.coverage_bits = channels.coverage_bits.into();
+        uniform.widths = widths.0.map(|[near, middle, far]| [near, middle, far, 0.0]);
         uniform.picture_rows = view.size[1];
         uniform.tile_columns = ((window[2] - window[0]).cast_unsigned()).div_ceil(TILE);
         uniform

@@ -295,7 +295,7 @@ impl<'a> GpuRenderer<'a> {
             let scene = level.as_ref().map_or(self.scene, LevelScene::scene);
             let bounds = scene.lanes.lane(Axis::X)?.bounds().map(|(low, high)| VoxelBox { low, high });
             let bounds = bounds.filter(|bounds| part.crop.is_none_or(|crop| crop.meets(bounds)));
-            let asked = Supersampling::of(&scene.facts.grid, bounds, camera, &part.settings(settings))?;
+            let asked = Supersampling::of(&scene.facts.grid, bounds, camera, &part.settings(&self.scene, settings))?;
             finest = Supersampling::finer(finest, asked);
         }
         Ok(finest)
@@ -373,7 +373,7 @@ impl<'a> GpuRenderer<'a> {
         let mut shots: Vec<(usize, Shot)> = Vec::with_capacity(parts.len());
         for (part, level) in parts.iter().zip(&levels) {
             let scene = level.as_ref().map_or(scene, LevelScene::scene);
-            shots.push((part.level, Shot::new(&scene, camera, &part.settings(settings))?));
+            shots.push((part.level, Shot::new(&scene, camera, &part.settings(&self.scene, settings))?));
         }
         if settings.sense == Sense::BackToFront {
             shots.reverse();

@@ -5,6 +5,7 @@
 use glam::{DMat3, DVec3};
 
 use super::{Lattice, LowPass, Rays};
+use crate::splat::block_kernel::SHAPES;
 use crate::splat::cpu::warp::MOST_ASIDE;
 use crate::splat::kernel::{KernelShape, LOW_PASS};
 use crate::splat::near::NEAR;
@@ -118,10 +119,12 @@ impl Lattice {
         let choose_far = |step: f64| samples(step, 0.0) / sigma;
         let nested = [order.slow.index(), order.fast.index(), order.medium.index()];
         let extent = BoxExtent::new(bounds, nested, kernel);
+        let widths = settings.blocks.widths(settings.fine_kernel());
+        let squares = nested.map(|axis| std::array::from_fn(|shape| widths.of(shape)[axis].powi(2)));
         let plane = match &view.map {
             PixelMap::Parallel { .. } => {
                 let in_phase = if settings.sampling() == Sampling::Enough { 2.0 } else { 32.0 };
-                parallel(view, nested, &extent, choose, in_phase, kernel, width)?
+                parallel(view, nested, &extent, choose, in_phase, (kernel, squares), width)?
             }
             PixelMap::Perspective { .. } => {
                 if settings.mode == Mode::Additive && width < LEAST_SUMMED_STEP * sigma {
@@ -130,7 +133,7 @@ impl Lattice {
                 // An x-ray is not steep at outlines, as opaque matter is.
                 let most_uneven = MOST_UNEVEN[if settings.mode == Mode::Additive { 1 } else { of_sampling }];
                 let limits = [WIDEST[of_sampling], NARROWEST[of_sampling], most_uneven];
-                perspective(view, width, limits, nested, &extent, [&choose, &choose_far], kernel)?
+                perspective(view, width, limits, nested, &extent, [&choose, &choose_far], (kernel, squares))?
             }
         };
         let pixels = |size: [u32; 2]| f64::from(size[0]) * f64::from(size[1]);
@@ -230,7 +233,7 @@ fn parallel(
     extent: &BoxExtent,
     choose: impl Fn(f64) -> f64,
     most_voxels_in_phase: f64,
-    kernel: KernelShape,
+    (kernel, squares): (KernelShape, [[f32; SHAPES]; 3]),
     width: f64,
 ) -> Option<Lattice> {
     let PixelMap::Parallel { pixel_from_voxel: [x, y], scale } = &view.map else { return None };
@@ -306,7 +309,7 @@ fn parallel(
         origin: [0, 1].map(|side: usize| first[side] / per_voxel[side]),
         strength: (f64::from(kernel.normalisation()) * scale * scale / cross) as f32,
     };
-    Some(Lattice { size, picture: view.size, plane_from_pixel, low_pass, rays, kernel, spread: view.margin })
+    Some(Lattice { size, picture: view.size, plane_from_pixel, low_pass, rays, kernel, spread: view.margin, squares })
 }
 
 fn perspective(
@@ -316,7 +319,7 @@ fn perspective(
     nested: [usize; 3],
     extent: &BoxExtent,
     [choose, choose_far]: [&dyn Fn(f64) -> f64; 2],
-    kernel: KernelShape,
+    (kernel, squares): (KernelShape, [[f32; SHAPES]; 3]),
 ) -> Option<Lattice> {
     let (PixelMap::Perspective { camera_from_voxel, focal, centre, .. }, Viewpoint::Perspective { eye, .. }) =
         (&view.map, view.viewpoint)
@@ -425,7 +428,7 @@ fn perspective(
     let plane_from_pixel = [plane[0], plane[1], row(0).to_array()];
     let strength = f64::from(kernel.normalisation()) / f64::from(kernel.sigma).powi(2);
     let rays = Rays::Perspective { eye, first, step, steps, strength };
-    Some(Lattice { size, picture: view.size, plane_from_pixel, low_pass, rays, kernel, spread: view.margin })
+    Some(Lattice { size, picture: view.size, plane_from_pixel, low_pass, rays, kernel, spread: view.margin, squares })
 }
 
 /// Returns by what fraction the perspective shrinks the side of a kernel that is away from the eye, at one voxel from its centre along

@@ -33,6 +33,7 @@ use super::raster::BLOCK;
 use super::slab::Tiles;
 use super::tile_buffer::TILE;
 use super::voxel_block::{Coordinates, Displaced};
+use crate::splat::block_kernel::SHAPES;
 use crate::splat::kernel::KernelShape;
 
 /// The plane of a view, and how voxels, plane and picture map to each other.
@@ -50,6 +51,8 @@ pub(super) struct Lattice {
     kernel: KernelShape,
     /// How far voxels may lie from points of the grid, along an axis, in voxels.
     spread: f64,
+    /// The squares of kernels' widths along the slow, fast and medium axis, by their shape.
+    squares: [[f32; SHAPES]; 3],
 }
 
 /// How a plane is filtered where voxels are small. Pairs are along columns and along rows of the plane.
@@ -146,6 +149,11 @@ impl Lattice {
         self.low_pass.halvings.map(|halvings| halvings > 0)
     }
 
+    /// Returns whether voxels may lie beside points of the grid.
+    pub(super) fn is_beside(&self) -> bool {
+        self.spread > 0.0
+    }
+
     /// Returns the lattice of the slice at `slow` on the slow axis.
     #[inline(always)]
     pub(super) fn slice(&self, slow: u16) -> Slice {
@@ -225,7 +233,7 @@ impl Lattice {
         &self,
         slice: &Slice,
         positions: &Displaced,
-        places: &mut [Place],
+        (places, shapes): (&mut [Place], &mut [i32]),
         tiles: [&mut [Tiles]; 2],
     ) {
         let (mut pixel, mut offset) = ([[0; BLOCK]; 2], [[0.0; BLOCK]; 2]);
@@ -253,7 +261,9 @@ impl Lattice {
             for j in 0..BLOCK {
                 let (pixel, offset) = (pixel[side][j], offset[side][j]);
                 let slope = (first + step * pixel as f32).abs() + more;
-                let reach = radius[j] * per_column[side] * (1.0 + slope * slope).sqrt() + 0.01;
+                let shape = usize::from(positions.shapes[j]) % SHAPES;
+                let square = self.squares[1 + side][shape] + self.squares[0][shape] * (slope * slope);
+                let reach = radius[j] * per_column[side] * square.sqrt() + 0.01;
                 let low = ((pixel + (offset - reach).ceil() as i32) >> TILE).max(0);
                 let high = ((pixel + (offset + reach).floor() as i32) >> TILE).min(last);
                 (from[j], count[j]) = (low as u16, (high + 1 - low).max(0) as u16);
@@ -264,6 +274,9 @@ impl Lattice {
         }
         for (j, place) in places.iter_mut().enumerate().take(BLOCK) {
             *place = Place { pixel: [pixel[0][j], pixel[1][j]], offset: [offset[0][j], offset[1][j]], scale: scale[j] };
+        }
+        for (to, shape) in shapes.iter_mut().zip(&positions.shapes) {
+            *to = (*shape).into();
         }
     }
 
@@ -289,6 +302,14 @@ impl Lattice {
             Rays::Parallel { voxels, .. } if self.spread == 0.0 => Some(voxels.map(|voxels| voxels as i32)),
             _ => None,
         }
+    }
+
+    /// Returns how far a kernel of a shape reaches along the fast (`side` 0) or medium axis (1) from its centre, in voxels, in a
+    /// parallel view.
+    pub(super) fn shape_reach(&self, side: usize, shape: usize) -> f64 {
+        let steepest = self.steepest(side, [0.0; 2]);
+        let [across, along] = [1 + side, 0].map(|axis| f64::from(self.squares[axis][shape]));
+        f64::from(self.kernel.radius) * (across + along * (steepest * steepest)).sqrt()
     }
 
     /// Returns how far a kernel reaches along the fast (`side` 0) or medium axis (1) from its centre, in voxels, on rays

@@ -2,14 +2,13 @@
 
 use super::{Lattice, Place, Rays};
 use crate::splat::arith::{LOG2_E, keep_if, near_exp2_neg};
+use crate::splat::block_kernel::SHAPES;
 use crate::splat::cpu::raster::{COLUMN, ROW};
 use crate::splat::cpu::tile_buffer::{TILE, TILE_PIXELS};
 
-/// The rays of a tile.
+/// What a kernel is on the rays of a tile.
 #[derive(Debug, Clone, Copy)]
-pub(in super::super) struct TileRays {
-    /// The tile's first pixel.
-    first: [i32; 2],
+pub(in super::super) struct RayKernel {
     /// Factors of a pixel's distance from a voxel, in pixels along columns and rows: the exponent, in units of ln 2, is
     /// the sum of the squares of (column * x + shear * y) and (row * y), times the scale of the place. That scale is of columns, so
     /// `shear` and `row` contain how many times as far apart rows are.
@@ -18,12 +17,37 @@ pub(in super::super) struct TileRays {
     row: f32,
     /// The optical depth of a voxel of depth 1 at its centre.
     pub(in super::super) strength: f32,
+}
+
+/// The rays of a tile through kernels of one shape.
+#[derive(Debug, Clone, Copy)]
+pub(in super::super) struct TileRays {
+    /// The tile's first pixel.
+    first: [i32; 2],
+    kernel: RayKernel,
     /// For each pixel of the tile: the first and the second sum, counted from the first pixel.
     u: [f32; TILE_PIXELS],
     v: [f32; TILE_PIXELS],
 }
 
 impl TileRays {
+    /// Returns the rays of the tile in `column` and `row` through kernels of one shape.
+    #[inline(always)]
+    pub(in super::super) fn new([column, row]: [i32; 2], kernel: RayKernel) -> TileRays {
+        let (mut u, mut v) = ([0.0; TILE_PIXELS], [0.0; TILE_PIXELS]);
+        for i in 0..TILE_PIXELS {
+            u[i] = kernel.column * COLUMN[i] + kernel.shear * ROW[i];
+            v[i] = kernel.row * ROW[i];
+        }
+        TileRays { first: [column << TILE, row << TILE], kernel, u, v }
+    }
+
+    /// Returns the optical depth of a voxel of depth 1 at its centre.
+    #[inline(always)]
+    pub(in super::super) fn strength(&self) -> f32 {
+        self.kernel.strength
+    }
+
     /// Returns the weight of a voxel's kernel at the pixels of the tile, 0 to 1; 0 where the exponent is above `cut`.
     #[inline(always)]
     pub(in super::super) fn weights(&self, place: &Place, cut: f32) -> [f32; TILE_PIXELS] {
@@ -37,7 +61,7 @@ impl TileRays {
     /// Returns the exponents of a voxel's kernel at the pixels of the tile, in units of ln 2.
     #[inline(always)]
     pub(in super::super) fn exponents(&self, place: &Place) -> [f32; TILE_PIXELS] {
-        let TileRays { first, column, shear, row, u, v, .. } = self;
+        let TileRays { first, kernel: RayKernel { column, shear, row, .. }, u, v } = self;
         let x = (first[0] - place.pixel[0]) as f32 - place.offset[0];
         let y = (first[1] - place.pixel[1]) as f32 - place.offset[1];
         let (across, down) = (column * x + shear * y, row * y);
@@ -58,9 +82,29 @@ pub(in super::super) fn near_weight(exponent: f32, cut: f32) -> f32 {
 }
 
 impl Lattice {
-    /// Returns the rays of the tile in `column` and `row`.
+    /// Returns the rays of the tile in `column` and `row` through kernels that are as wide along all axes.
     #[inline(always)]
-    pub(in super::super) fn tile(&self, [column, row]: [i32; 2]) -> TileRays {
+    pub(in super::super) fn tile(&self, place: [i32; 2]) -> TileRays {
+        let (slopes, strength) = self.slopes(place);
+        TileRays::new(place, self.kernel_on(slopes, strength, [1.0; 3]))
+    }
+
+    /// Returns the kernels of each shape on the rays of a tile.
+    #[inline(always)]
+    pub(in super::super) fn kernels(&self, place: [i32; 2]) -> [RayKernel; SHAPES] {
+        let (slopes, strength) = self.slopes(place);
+        let [slow, fast, medium] = &self.squares;
+        let mut kernels = [RayKernel { column: 0.0, shear: 0.0, row: 0.0, strength: 0.0 }; SHAPES];
+        for (shape, kernel) in kernels.iter_mut().enumerate() {
+            *kernel = self.kernel_on(slopes, strength, [slow[shape], fast[shape], medium[shape]]);
+        }
+        kernels
+    }
+
+    /// Returns the slopes of a tile's rays along the fast and the medium axis, and the optical depth of a voxel of depth 1 at its
+    /// centre, if its kernel is as wide along all axes.
+    #[inline(always)]
+    fn slopes(&self, [column, row]: [i32; 2]) -> ([f32; 2], f32) {
         let first = [column << TILE, row << TILE];
         let [fast, medium] = match &self.rays {
             Rays::Parallel { slope, .. } => *slope,
@@ -75,22 +119,28 @@ impl Lattice {
                 (strength * (length / (1.0 + fast * fast + medium * medium).sqrt())) as f32
             }
         };
-        let (fast, medium) = (fast as f32, medium as f32);
-        let scale = 0.5 * LOG2_E / (self.kernel.sigma * self.kernel.sigma);
-        let beside = 1.0 + medium * medium;
-        let column_factor = (scale * beside / (beside + fast * fast)).sqrt();
+        ([fast as f32, medium as f32], strength)
+    }
+
+    /// Returns a kernel on rays of these slopes; `squares` are those of its widths along the slow, fast and medium axis.
+    #[inline(always)]
+    fn kernel_on(&self, [fast, medium]: [f32; 2], strength: f32, [s, f, m]: [f32; 3]) -> RayKernel {
         let row_per_column = match &self.rays {
             Rays::Parallel { voxels: [across, down], .. } | Rays::Perspective { step: [across, down], .. } => {
                 down / across
             }
         } as f32;
-        let shear = 0.0 - column_factor * (fast * medium / beside) * row_per_column;
-        let row_factor = (scale / beside).sqrt() * row_per_column;
-        let (mut u, mut v) = ([0.0; TILE_PIXELS], [0.0; TILE_PIXELS]);
-        for i in 0..TILE_PIXELS {
-            u[i] = column_factor * COLUMN[i] + shear * ROW[i];
-            v[i] = row_factor * ROW[i];
+        let scale = 0.5 * LOG2_E / (self.kernel.sigma * self.kernel.sigma);
+        // The covariance on the slice is (f + s fast^2, s fast medium; s fast medium, m + s medium^2).
+        let beside = m + s * (medium * medium);
+        let determinant = f * beside + s * m * (fast * fast);
+        let round = 1.0 + medium * medium + fast * fast;
+        let column = (scale * beside / determinant).sqrt();
+        RayKernel {
+            column,
+            shear: 0.0 - column * (s * fast * medium / beside) * row_per_column,
+            row: (scale / beside).sqrt() * row_per_column,
+            strength: strength * (round / determinant).sqrt(),
         }
-        TileRays { first, column: column_factor, shear, row: row_factor, strength, u, v }
     }
 }

@@ -12,7 +12,10 @@ struct AffineRow {
 struct FrameUniform {
     rows: array<AffineRow, 3>, // Parallel: column, row, unused. Perspective: right, up, depth along the view axis.
     shifts: vec4<i32>, // For each row: the number of fraction bits of its whole factors.
-    steps: array<vec4<f32>, 3>, // For a step of one voxel along x, y, z: change of right, up and depth; its length.
+    // For a step of one voxel along x, y, z: change of right, up and depth; its length. Parallel: change of column and row.
+    steps: array<vec4<f32>, 3>,
+    // Widths of kernels along x, y, z, as shares of the widest, by how far a block's visible part is from its centre.
+    widths: array<vec4<f32>, 3>,
     // For the slow, medium and fast axis, in a maximum. Perspective: by how much the ray's direction grows with the column
     // and with the row, in voxels per mean spacing along the view axis; the eye, in voxels. Parallel, not for the slow axis:
     // by how much the ray's point in a slice moves with the column and with the row, and in half a slice, in voxels.
@@ -20,7 +23,8 @@ struct FrameUniform {
     eye: vec4<f32>, // Perspective: the eye. Parallel: the unit vector toward it.
     light: vec4<f32>, // Unit vector toward the light.
     light_weights: vec4<f32>, // Ambient, diffuse and specular light.
-    // Parallel: falloff_x, falloff_y, shear of all splats. w: peak of a splat of optical depth 1. In the perspective view of
+    // Parallel: falloff_x, falloff_y, shear of all splats. w: peak of a splat of optical depth 1; if voxels have coverages, of
+    // density 1 too. In the perspective view of
     // a maximum: how far the samples of a voxel lie from it, right, up and forward.
     ellipse: vec4<f32>,
     half_width: vec2<f32>, // Parallel: half the width and height of a footprint's box, in pixels.

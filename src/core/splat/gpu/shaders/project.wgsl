@@ -67,6 +67,12 @@ fn coverage_of(code: u32) -> Coverage {
     return Coverage(share * share, (vec3<f32>(places) - 3.0) / 8.0);
 }
 
+// Returns the widths along x, y and z of the kernel of a block whose visible part is this far from its centre: block_kernel.rs.
+fn widths_of(offset: vec3<f32>) -> vec3<f32> {
+    let place = min(vec3<u32>(8.0 * abs(offset) + 0.5), vec3<u32>(2u));
+    return vec3<f32>(frame.widths[0][place.x], frame.widths[1][place.y], frame.widths[2][place.z]);
+}
+
 // Returns by how much a screen coordinate changes with an offset in voxels.
 fn displacement(row: AffineRow, shift: i32, offset: vec3<f32>) -> f32 {
     if frame.coverage_bits == 0u {
@@ -373,6 +379,11 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
         x = pixel_position(frame.rows[0], frame.shifts.x, xyz, cover.offset);
         y = pixel_position(frame.rows[1], frame.shifts.y, xyz, cover.offset);
         ellipse = Footprint(frame.ellipse.x, frame.ellipse.y, frame.ellipse.z, frame.half_width, 1.0);
+        if frame.coverage_bits != 0u {
+            let widths = widths_of(cover.offset);
+            ellipse = footprint(widths * gradient(0u), widths * gradient(1u));
+            strength *= ellipse.density;
+        }
     } else {
         let depth = coordinate(frame.rows[2], frame.shifts.z, xyz, cover.offset);
         if !(depth >= frame.near) {
@@ -389,7 +400,11 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
         y = nearest_pixel(frame.centre.y - frame.focal * ty);
         let scale = frame.focal * closeness;
         let forward = gradient(2u);
-        ellipse = footprint(scale * (gradient(0u) - tx * forward), scale * (ty * forward - gradient(1u)));
+        var widths = vec3<f32>(scale);
+        if frame.coverage_bits != 0u {
+            widths *= widths_of(cover.offset);
+        }
+        ellipse = footprint(widths * (gradient(0u) - tx * forward), widths * (ty * forward - gradient(1u)));
         strength *= ellipse.density * sqrt(1.0 + tx * tx + ty * ty) * (closeness * closeness);
     }
     let columns = span(x, ellipse.half_width.x, frame.window.x, frame.window.z - 1);
