@@ -56,7 +56,7 @@ fn shaders_and_rust_lay_records_out_alike() {
             fields!(FrameUniform: rows shifts steps widths sample_rays eye light light_weights ellipse half_width centre focal near sigma cut_off cut_exponent
                 termination max_depth initial_alpha window crop_low crop_high clip rays eye_voxel eye_rest nesting coverage_bits eye_ceil eye_twice fast_order is_back_to_front fast_axis longest_line
                 line_end_bytes value_bits normal_bits uses_magnitude is_perspective shininess tile_columns
-                mask_words picture_rows padding),
+                mask_words picture_rows near_sigma),
         ),
         ("Chunk", fields!(Chunk: first_block slot_count index is_first from_slice to_slice)),
         ("VisitedVoxel", fields!(VisitedVoxel: xy z_coverage record padding)),

@@ -59,8 +59,13 @@ fn the_plain_twin_and_all_machine_code_draw_the_same_bits_of_a_level() {
                 // Along an axis a lattice has a whole number of pixels a voxel, elsewhere any number.
                 let parallel = Projection::Parallel { height: 90.0 };
                 let oblique = [35.0, 20.0];
-                let views =
-                    [(oblique, parallel), ([90.0, 0.0], parallel), (oblique, Projection::Perspective { fov: 50.0 })];
+                let views = [
+                    (oblique, parallel),
+                    ([90.0, 0.0], parallel),
+                    // Kernels are so wide that their weights are not computed beforehand.
+                    (oblique, Projection::Parallel { height: 12.0 }),
+                    (oblique, Projection::Perspective { fov: 50.0 }),
+                ];
                 for (direction, projection) in views {
                     let camera = camera(&model, direction, 75.0, projection);
                     let mut settings = Settings::new(size).with_level(level).with_threads(1);

@@ -46,6 +46,16 @@ impl Blocks {
         KernelShape { sigma, radius: sigma * kernel.cut_off().min(CUT_OFF) }
     }
 
+    /// Returns a kernel that is as wide along all axes, as wide as these blocks' kernels are in the mean.
+    pub(crate) fn round(self, kernel: KernelShape) -> KernelShape {
+        if self == Blocks::NONE {
+            return kernel;
+        }
+        let product: f64 = self.widths_in_blocks(kernel).iter().map(|[_, middle, _]| middle).product();
+        let sigma = product.cbrt() as f32;
+        KernelShape { sigma, radius: sigma * kernel.cut_off().min(CUT_OFF) }
+    }
+
     /// Returns the widths of the kernels of these blocks, given the kernel of level 0.
     pub(crate) fn widths(self, kernel: KernelShape) -> Widths {
         let widths = self.widths_in_blocks(kernel);

@@ -22,7 +22,10 @@ pub struct FrameSetup<'a> {
     pub(crate) lights: Option<Lights>,
     /// The reconstruction kernel to use.
     pub kernel: KernelShape,
+    /// How much narrower it is along each axis where voxels have coverages.
     pub(crate) widths: Widths,
+    /// The kernel of voxels near the eye.
+    pub(crate) near_kernel: KernelShape,
     pub(crate) clip: ClipRegion,
     /// Whether the mode is [`Mode::Maximum`](super::Mode::Maximum) or its grey form.
     #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only renderers on graphics devices ask for it"))]
@@ -39,6 +42,7 @@ impl<'a> FrameSetup<'a> {
         settings.check()?;
         let grid = &scene.facts.grid;
         let (kernel, widths) = (settings.kernel(), settings.blocks.widths(settings.fine_kernel()));
+        let near_kernel = settings.blocks.round(settings.fine_kernel());
         let maximum = settings.mode.is_maximum();
         let mut view = View::new(camera, grid, settings.size, kernel, settings.near)?;
         if maximum {
@@ -55,7 +59,7 @@ impl<'a> FrameSetup<'a> {
         let lit = scene.transfer.shaded() && lane.channels.normal_bits > 0 && !maximum;
         let lights = settings.lighting.filter(|_| lit).map(|lighting| Lights::new(&lighting, &view));
         let clip = ClipRegion::new(settings, grid);
-        Ok(FrameSetup { view, order, lane, lights, kernel, widths, clip, maximum })
+        Ok(FrameSetup { view, order, lane, lights, kernel, widths, near_kernel, clip, maximum })
     }
 }
 

@@ -40,9 +40,9 @@ fn tail_ratio(z: f32) -> f32 {
 
 fn near_depth(frame: &FrameUniform, r: [f32; 3], at_eye: f32, peak: f32, (u, strength): ([f32; 3], f32)) -> f32 {
     let aside = [r[1] * u[2] - r[2] * u[1], r[2] * u[0] - r[0] * u[2], r[0] * u[1] - r[1] * u[0]];
-    let q = 0.5 * std::f32::consts::LOG2_E / (frame.sigma * frame.sigma) * dot(aside, aside);
+    let q = 0.5 * std::f32::consts::LOG2_E / (frame.near_sigma * frame.near_sigma) * dot(aside, aside);
     let t = dot(r, u);
-    let mut weight = at_eye * tail_ratio((t.abs() / frame.sigma).min(6.0));
+    let mut weight = at_eye * tail_ratio((t.abs() / frame.near_sigma).min(6.0));
     if t > 0.0 {
         let whole = if q <= frame.cut_exponent { (-q).exp2() } else { 0.0 };
         weight = (whole - weight).max(0.0);

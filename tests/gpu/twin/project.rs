@@ -306,7 +306,7 @@ fn near_splat(
     let (mut columns, mut rows) = ([x0, x1 - 1], [0, frame.picture_rows.cast_signed() - 1]);
     let mut at_eye = 0.0;
     if square <= radius * radius {
-        at_eye = (-0.5 * std::f32::consts::LOG2_E / (frame.sigma * frame.sigma) * square).exp2();
+        at_eye = (-0.5 * std::f32::consts::LOG2_E / (frame.near_sigma * frame.near_sigma) * square).exp2();
     } else {
         let x = tangents(frame, gradient(frame, 0), offset, radius);
         let y = tangents(frame, gradient(frame, 1), offset, radius);

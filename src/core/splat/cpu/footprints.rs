@@ -23,6 +23,8 @@ use crate::splat::block_kernel::{SHAPES, shape};
 const BITS: i32 = 2;
 const PLACES: i32 = 1 << BITS;
 const MIDDLE: i32 = PLACES / 2;
+/// Most weights that are worth to be computed once for a frame: those of kernels that reach over three pixels to each side.
+const MOST_WEIGHTS: usize = 1 << 19;
 /// Slack of a kernel's reach, in pixels: what is rounded must not leave out a weight.
 const SLACK: f64 = 0.01;
 /// Number of codes of a block's place in a coverage, and of the bits of a 16-bit code below them.
@@ -57,7 +59,7 @@ struct Beside {
 }
 
 impl Footprints {
-    /// Computes the footprints of a frame; `None` if the view is not parallel or voxels lie on points of the grid.
+    /// Computes the footprints of a frame; `None` if the view is not parallel, voxels lie on points of the grid, or kernels are wide.
     pub(super) fn new(lattice: &Lattice, projector: &Projector) -> Option<Footprints> {
         let channels = projector.lane.channels;
         if projector.is_on_grid() || !lattice.is_parallel() {
@@ -74,6 +76,9 @@ impl Footprints {
         let before = farthest.map(|reach| ((reach + MIDDLE) >> BITS) + 3);
         let (strips, rows) = (2 * before[0] - 2, (2 * before[1] + 4) & !3);
         let of_shape = (PLACES * PLACES * strips * rows) as usize * 4;
+        if SHAPES * of_shape > MOST_WEIGHTS {
+            return None;
+        }
         let mut weights = vec![0.0; SHAPES * of_shape];
         let strip = Strip { before, strips, rows: rows as usize, scale: slice.scale() };
         let kernels = lattice.kernels([0, 0]);

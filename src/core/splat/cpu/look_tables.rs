@@ -61,11 +61,12 @@ impl LookTables {
     ) {
         let records = &voxels.records[..voxels.count.min(BLOCK)];
         self.colour_whole(projector, records, looks);
-        if let Some(footprints) = footprints {
+        if !projector.is_on_grid() {
             let Lane { channels, .. } = projector.lane;
             for (look, &record) in looks.iter_mut().zip(records) {
                 let code = projector.lane.coverage_code(record);
-                look[3] = limited(look[3] * Coverage::of_code(code, channels).share, footprints.strength(code));
+                let strength = footprints.map_or(1.0, |footprints| footprints.strength(code));
+                look[3] = limited(look[3] * Coverage::of_code(code, channels).share, strength);
             }
         }
     }

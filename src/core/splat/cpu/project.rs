@@ -96,7 +96,7 @@ impl<'a> Projector<'a> {
             stop,
             nesting: [order.slow.index(), order.medium.index(), order.fast.index()],
             map: view.map,
-            near: NearView::new(view, *kernel),
+            near: NearView::new(view, setup.near_kernel),
             ellipse,
             shapes,
             widths: *widths,

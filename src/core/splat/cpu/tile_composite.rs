@@ -70,13 +70,20 @@ impl Weights<'_> {
             }
         } else {
             let rays = self.lattice.tile(place);
-            let kernels = self.lattice.is_beside().then(|| self.lattice.kernels(place));
+            // All shapes at once take as long as this many one by one.
+            let (is_beside, are_many) = (self.lattice.is_beside(), splats.len() > SHAPES);
+            let kernels = (is_beside && are_many).then(|| self.lattice.kernels(place));
             let mut amounts = [[0.0; TILE_PIXELS]; FEW];
             'splats: for few in splats.chunks(FEW) {
+                let shape = |splat| Some(slab.stamp(splat)? as usize % SHAPES);
                 let count = match &kernels {
+                    None if is_beside => {
+                        let rays_of = |splat| Some(TileRays::new(place, self.lattice.kernel(place, shape(splat)?)));
+                        compute_amounts::<B>(rays_of, projector.cut, slab, few, &mut amounts)
+                    }
                     None => compute_amounts::<B>(|_| Some(rays), projector.cut, slab, few, &mut amounts),
                     Some(kernels) => {
-                        let rays_of = |splat| Some(TileRays::new(place, kernels[slab.stamp(splat)? as usize % SHAPES]));
+                        let rays_of = |splat| Some(TileRays::new(place, kernels[shape(splat)?]));
                         compute_amounts::<B>(rays_of, projector.cut, slab, few, &mut amounts)
                     }
                 };

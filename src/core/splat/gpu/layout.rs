@@ -83,7 +83,7 @@ pub struct FrameUniform {
     pub tile_columns: u32,
     pub mask_words: u32,
     pub picture_rows: u32,
-    pub padding: u32,
+    pub near_sigma: f32,
 }
 
 /// A run of consecutive records that fits into the buffers of a frame.
@@ -194,7 +194,7 @@ impl FrameUniform {
                 uniform.centre = centre.map(|c| c as f32);
                 uniform.focal = *focal as f32;
                 uniform.near = *near as f32;
-                uniform.set_near(view, *kernel);
+                uniform.set_near(view, shot.near_kernel);
                 uniform.is_perspective = 1;
                 camera_from_voxel
             }
@@ -212,6 +212,7 @@ impl FrameUniform {
             uniform.shininess = shininess.into();
         }
         (uniform.sigma, uniform.cut_off, uniform.cut_exponent) = (sigma, cut_off, kernel.cut());
+        uniform.near_sigma = shot.near_kernel.sigma;
         uniform.max_depth = MAX_DEPTH as f32 * LOG2_E;
         uniform.window = window;
         let ClipRegion { crop, plane } = shot.clip;

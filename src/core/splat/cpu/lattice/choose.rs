@@ -37,6 +37,8 @@ const THINNEST: f64 = 0.45;
 const WIDEST: [f64; 2] = [3.0, 8.0];
 /// Tangent of half of 75 degrees, and some rounding: above it an angle of view is wide, and the limits below hold.
 const WIDE_ANGLE: f64 = 0.768;
+/// Least width of a footprint, in pixels, for which they hold.
+const LEAST_WIDE: f64 = 0.1;
 /// The most that [`unevenness`] may be at any corner of the box, in kernels, for [`Sampling::Enough`] and [`Sampling::Fewest`].
 /// Measured: docs/studies/sampling.md.
 const MOST_UNEVEN: [f64; 2] = [0.015, 0.036];
@@ -102,9 +104,13 @@ impl Lattice {
             return None;
         }
         let kernel = settings.kernel();
-        let sigma = f64::from(kernel.sigma);
+        let nested = [order.slow.index(), order.fast.index(), order.medium.index()];
+        let widths = settings.blocks.widths(settings.fine_kernel());
+        let squares = nested.map(|axis| std::array::from_fn(|shape| widths.of(shape)[axis].powi(2)));
+        // Those of the widest kernels along the fast and the medium axis.
+        let sigmas = [1, 2].map(|n: usize| f64::from(kernel.sigma * widths.of(0)[nested[n]]));
         // The edge of what is opaque rises faster than its footprint; a picture of small voxels shows no such edges.
-        let peak = deepest() / (std::f64::consts::TAU * sigma * sigma);
+        let peak = deepest() / (std::f64::consts::TAU * sigmas[0] * sigmas[1]);
         let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
         let width = f64::from(sigma_at_centre(view, bounds, settings));
         let is_fine = sharpness > SHARP && width < f64::from(LOW_PASS) && settings.sampling() == Sampling::Enough;
@@ -113,21 +119,20 @@ impl Lattice {
         if settings.mode == Mode::Additive && sharpness > 1.0 {
             return None;
         }
-        let samples = move |step: f64, least: f64| (wide * sharpness).min(least.max(per_pixel * step * sigma));
+        let pixels_per_voxel = |side: usize, step: f64, least: f64| {
+            (wide * sharpness).min(least.max(per_pixel * step * sigmas[side])) / sigmas[side]
+        };
         let small = if view.margin > 0.0 { SMALL_VOXELS_BESIDE } else { SMALL_VOXELS };
-        let choose = |step: f64| samples(step, small) / sigma;
-        let choose_far = |step: f64| samples(step, 0.0) / sigma;
-        let nested = [order.slow.index(), order.fast.index(), order.medium.index()];
+        let choose = |side: usize, step: f64| pixels_per_voxel(side, step, small);
+        let choose_far = |side: usize, step: f64| pixels_per_voxel(side, step, 0.0);
         let extent = BoxExtent::new(bounds, nested, kernel);
-        let widths = settings.blocks.widths(settings.fine_kernel());
-        let squares = nested.map(|axis| std::array::from_fn(|shape| widths.of(shape)[axis].powi(2)));
         let plane = match &view.map {
             PixelMap::Parallel { .. } => {
                 let in_phase = if settings.sampling() == Sampling::Enough { 2.0 } else { 32.0 };
                 parallel(view, nested, &extent, choose, in_phase, (kernel, squares), width)?
             }
             PixelMap::Perspective { .. } => {
-                if settings.mode == Mode::Additive && width < LEAST_SUMMED_STEP * sigma {
+                if settings.mode == Mode::Additive && width < LEAST_SUMMED_STEP * f64::from(kernel.sigma) {
                     return None;
                 }
                 // An x-ray is not steep at outlines, as opaque matter is.
@@ -231,7 +236,7 @@ fn parallel(
     view: &View,
     [slow, fast, medium]: [usize; 3],
     extent: &BoxExtent,
-    choose: impl Fn(f64) -> f64,
+    choose: impl Fn(usize, f64) -> f64,
     most_voxels_in_phase: f64,
     (kernel, squares): (KernelShape, [[f32; SHAPES]; 3]),
     width: f64,
@@ -252,8 +257,8 @@ fn parallel(
         false => shift.iter().all(is_whole) && step > SMALL_STEP,
     };
     let most_voxels = if is_in_phase { most_voxels_in_phase } else { 32.0 };
-    let voxels = steps.map(|step| {
-        let voxels = 4.0 / choose(step);
+    let voxels = [0, 1].map(|side: usize| {
+        let voxels = 4.0 / choose(side, steps[side]);
         let voxels = match (is_beside, is_in_phase) {
             (true, false) => voxels,
             // Each pixel has the same place in the blocks of all slices, and divisors of a tile are better than 3. Between 2 and
@@ -318,7 +323,7 @@ fn perspective(
     [widest, narrowest, most_uneven]: [f64; 3],
     nested: [usize; 3],
     extent: &BoxExtent,
-    [choose, choose_far]: [&dyn Fn(f64) -> f64; 2],
+    [choose, choose_far]: [&dyn Fn(usize, f64) -> f64; 2],
     (kernel, squares): (KernelShape, [[f32; SHAPES]; 3]),
 ) -> Option<Lattice> {
     let (PixelMap::Perspective { camera_from_voxel, focal, centre, .. }, Viewpoint::Perspective { eye, .. }) =
@@ -349,7 +354,8 @@ fn perspective(
     let distance = to_centre.length();
     let step = [1, 2].map(|n: usize| {
         let largest_step = focal / distance * column(nested[n]).length() * (1.0 + tangent * tangent);
-        let finest = (choose(largest_step) * middle).max(choose_far(largest_step * middle / farthest) * farthest);
+        let finest = choose(n - 1, largest_step) * middle;
+        let finest = finest.max(choose_far(n - 1, largest_step * middle / farthest) * farthest);
         1.0 / finest
     });
     let step = step.map(|side| side.min(LONGEST_FAR * step[0].min(step[1])));
@@ -377,7 +383,8 @@ fn perspective(
         at(0) + at(1) + at(2) + column(3)
     });
     let is_ahead = seen.iter().all(|seen| seen.z > 0.0);
-    let is_wide_angle = 0.5 * f64::from(view.size[1]) / focal > WIDE_ANGLE;
+    // Of voxels that are smaller still, no other way of sampling has enough samples.
+    let is_wide_angle = 0.5 * f64::from(view.size[1]) / focal > WIDE_ANGLE && width > LEAST_WIDE;
     let voxel_steps = DMat3::from_cols(column(0), column(1), column(2));
     let is_uneven = |toward: &DVec3| f64::from(kernel.sigma) * unevenness(*toward, voxel_steps) > most_uneven;
     if is_wide_angle && seen.iter().any(is_uneven) {

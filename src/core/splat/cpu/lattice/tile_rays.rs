@@ -93,12 +93,18 @@ impl Lattice {
     #[inline(always)]
     pub(in super::super) fn kernels(&self, place: [i32; 2]) -> [RayKernel; SHAPES] {
         let (slopes, strength) = self.slopes(place);
-        let [slow, fast, medium] = &self.squares;
         let mut kernels = [RayKernel { column: 0.0, shear: 0.0, row: 0.0, strength: 0.0 }; SHAPES];
         for (shape, kernel) in kernels.iter_mut().enumerate() {
-            *kernel = self.kernel_on(slopes, strength, [slow[shape], fast[shape], medium[shape]]);
+            *kernel = self.kernel_on(slopes, strength, self.squares.map(|squares| squares[shape]));
         }
         kernels
+    }
+
+    /// Returns the kernel of one shape on the rays of a tile.
+    #[inline(always)]
+    pub(in super::super) fn kernel(&self, place: [i32; 2], shape: usize) -> RayKernel {
+        let (slopes, strength) = self.slopes(place);
+        self.kernel_on(slopes, strength, self.squares.map(|squares| squares[shape]))
     }
 
     /// Returns the slopes of a tile's rays along the fast and the medium axis, and the optical depth of a voxel of depth 1 at its

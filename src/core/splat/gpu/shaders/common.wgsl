@@ -64,7 +64,7 @@ struct FrameUniform {
     tile_columns: u32, // Tiles in a row of the window.
     mask_words: u32, // Number of 32-bit words of a tile's mask and its summary.
     picture_rows: u32, // Rows of the whole picture.
-    padding: u32, // The struct consists of whole vectors.
+    near_sigma: f32, // Standard deviation of the kernels of voxels near the eye, in voxels.
 }
 
 const ASCENDING: u32 = 0u;

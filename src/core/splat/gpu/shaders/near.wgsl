@@ -34,9 +34,9 @@ fn tail_ratio(z: f32) -> f32 {
 // Returns the optical depth of a voxel near the eye on a ray, in units of ln 2: near.rs, depths.
 fn near_depth(offset: vec3<f32>, at_eye: f32, peak: f32, ray: Ray) -> f32 {
     let aside = cross(offset, ray.direction);
-    let q = 0.5 * LOG2_E / (frame.sigma * frame.sigma) * dot(aside, aside);
+    let q = 0.5 * LOG2_E / (frame.near_sigma * frame.near_sigma) * dot(aside, aside);
     let t = dot(offset, ray.direction);
-    var weight = at_eye * tail_ratio(min(abs(t) / frame.sigma, 6.0));
+    var weight = at_eye * tail_ratio(min(abs(t) / frame.near_sigma, 6.0));
     if t > 0.0 {
         weight = max(select(0.0, exp2(-q), q <= frame.cut_exponent) - weight, 0.0);
     }

@@ -278,7 +278,7 @@ fn near_splat(voxel: VisitedVoxel, xyz: vec3<u32>, cover: Coverage, depth: f32) 
     var rows = vec2<i32>(0, i32(frame.picture_rows) - 1);
     var at_eye = 0.0;
     if square <= radius * radius {
-        at_eye = exp2(-0.5 * LOG2_E / (frame.sigma * frame.sigma) * square);
+        at_eye = exp2(-0.5 * LOG2_E / (frame.near_sigma * frame.near_sigma) * square);
     } else {
         let x = tangents(gradient(0u), offset, radius);
         let y = tangents(gradient(1u), offset, radius);
