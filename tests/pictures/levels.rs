@@ -51,8 +51,8 @@ fn truth(model: &Model, camera: &Camera, settings: &Settings) -> Frame {
 #[test]
 fn the_plain_twin_and_all_machine_code_draw_the_same_bits_of_a_level() {
     let size = [46, 40];
-    for spacing in [[1.0; 3], [1.0, 1.0, 2.2]] {
-        let model = model("gyroid", [48, 40, 44], spacing, 3, 0.6);
+    for (spacing, opacity) in [([1.0; 3], 0.6), ([1.0, 1.0, 2.2], 0.6), ([1.0; 3], 1.0)] {
+        let model = model("gyroid", [48, 40, 44], spacing, 3, opacity);
         assert_eq!(model.levels().len(), 3);
         for level in 1..=3 {
             for quality in [Quality::Draft, Quality::Standard, Quality::High] {
@@ -62,7 +62,7 @@ fn the_plain_twin_and_all_machine_code_draw_the_same_bits_of_a_level() {
                 let views = [
                     (oblique, parallel),
                     ([90.0, 0.0], parallel),
-                    // Kernels are so wide that their weights are not computed beforehand.
+                    // Opaque kernels are so wide here that their weights are not computed beforehand.
                     (oblique, Projection::Parallel { height: 12.0 }),
                     (oblique, Projection::Perspective { fov: 50.0 }),
                 ];
