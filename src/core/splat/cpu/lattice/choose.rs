@@ -37,8 +37,8 @@ const THINNEST: f64 = 0.45;
 const WIDEST: [f64; 2] = [3.0, 8.0];
 /// Tangent of half of 75 degrees, and some rounding: above it an angle of view is wide, and the limits below hold.
 const WIDE_ANGLE: f64 = 0.768;
-/// Least width of a footprint, in pixels, for which they hold.
-const LEAST_WIDE: f64 = 0.1;
+/// Least width of a footprint, in pixels, for which they hold: that of the low-pass on sixteen samples a pixel's side.
+const LEAST_WIDE: f64 = 0.0375;
 /// The most that [`unevenness`] may be at any corner of the box, in kernels, for [`Sampling::Enough`] and [`Sampling::Fewest`].
 /// Measured: docs/studies/sampling.md.
 const MOST_UNEVEN: [f64; 2] = [0.015, 0.036];
