@@ -37,22 +37,21 @@ impl Blocks {
     /// The voxels of level 0.
     pub(crate) const NONE: Blocks = Blocks([1; 3]);
 
-    /// Returns a kernel that is as wide along all axes as the widest of these blocks, in blocks, given that of level 0.
+    /// Returns a round kernel with the largest width that any block has along any axis, in blocks; `kernel` is that of level 0.
     pub(crate) fn widest(self, kernel: KernelShape) -> KernelShape {
-        if self == Blocks::NONE {
-            return kernel;
-        }
-        let sigma = largest(self.widths_in_blocks(kernel)) as f32;
-        KernelShape { sigma, radius: sigma * kernel.cut_off().min(CUT_OFF) }
+        self.round_kernel(kernel, largest)
     }
 
-    /// Returns a kernel that is as wide along all axes, as wide as these blocks' kernels are in the mean.
-    pub(crate) fn round(self, kernel: KernelShape) -> KernelShape {
+    /// Returns a round kernel whose width is the geometric mean of the middle widths along x, y and z, in blocks.
+    pub(crate) fn mean(self, kernel: KernelShape) -> KernelShape {
+        self.round_kernel(kernel, |widths| widths.map(|[_, middle, _]| middle).iter().product::<f64>().cbrt())
+    }
+
+    fn round_kernel(self, kernel: KernelShape, width: impl Fn([[f64; WIDTHS]; 3]) -> f64) -> KernelShape {
         if self == Blocks::NONE {
             return kernel;
         }
-        let product: f64 = self.widths_in_blocks(kernel).iter().map(|[_, middle, _]| middle).product();
-        let sigma = product.cbrt() as f32;
+        let sigma = width(self.widths_in_blocks(kernel)) as f32;
         KernelShape { sigma, radius: sigma * kernel.cut_off().min(CUT_OFF) }
     }
 

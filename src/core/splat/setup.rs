@@ -22,7 +22,7 @@ pub struct FrameSetup<'a> {
     pub(crate) lights: Option<Lights>,
     /// The reconstruction kernel to use.
     pub kernel: KernelShape,
-    /// How much narrower it is along each axis where voxels have coverages.
+    /// Its widths along each axis, where voxels stand for blocks.
     pub(crate) widths: Widths,
     /// The kernel of voxels near the eye.
     pub(crate) near_kernel: KernelShape,
@@ -42,7 +42,7 @@ impl<'a> FrameSetup<'a> {
         settings.check()?;
         let grid = &scene.facts.grid;
         let (kernel, widths) = (settings.kernel(), settings.blocks.widths(settings.fine_kernel()));
-        let near_kernel = settings.blocks.round(settings.fine_kernel());
+        let near_kernel = settings.blocks.mean(settings.fine_kernel());
         let maximum = settings.mode.is_maximum();
         let mut view = View::new(camera, grid, settings.size, kernel, settings.near)?;
         if maximum {

@@ -23,7 +23,7 @@ use crate::splat::block_kernel::{SHAPES, shape};
 const BITS: i32 = 2;
 const PLACES: i32 = 1 << BITS;
 const MIDDLE: i32 = PLACES / 2;
-/// Most weights that are worth to be computed once for a frame: those of kernels that reach over three pixels to each side.
+/// The most weights that are computed once for a frame: those of kernels that reach five pixels to each side. They take 2 MiB.
 const MOST_WEIGHTS: usize = 1 << 19;
 /// Slack of a kernel's reach, in pixels: what is rounded must not leave out a weight.
 const SLACK: f64 = 0.01;

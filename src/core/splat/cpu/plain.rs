@@ -270,10 +270,8 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize,
     };
     match &projector.map {
         PixelMap::Parallel { pixel_from_voxel: [column, row], .. } => {
-            let (ellipse, strength) = match &projector.shapes {
-                None => (projector.ellipse, projector.strength),
-                Some(shapes) => (shapes[shape].ellipse, projector.per_density * shapes[shape].density),
-            };
+            let alike = (projector.ellipse, projector.strength);
+            let (ellipse, strength) = projector.shapes.as_ref().map_or(alike, |shapes| shapes[shape]);
             footprint_at(centre(affine(column), affine(row)), ellipse, strength)
         }
         PixelMap::Perspective { camera_from_voxel, focal, centre: [middle_x, middle_y], near: far } => {

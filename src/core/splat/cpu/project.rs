@@ -49,13 +49,12 @@ pub struct Projector<'a> {
     pub(super) near: Option<NearView>,
     /// The footprint that all voxels of a parallel view share; all fields are 0 in perspective.
     pub(super) ellipse: Ellipse,
-    /// The footprints of a parallel view by the shape of the kernel, if voxels lie beside points of the grid.
-    pub(super) shapes: Option<Box<[Footprint; SHAPES]>>,
+    /// The same and `strength` for each shape of a kernel, in a parallel view of voxels beside points of the grid.
+    pub(super) shapes: Option<Box<[(Ellipse, f32); SHAPES]>>,
+    /// The widths of kernels beside points of the grid.
     pub(super) widths: Widths,
     /// The peak of a splat of optical depth 1; in perspective, kernel normalisation times squared focal length.
     pub(super) strength: f32,
-    /// The same in a parallel view for a footprint of density 1.
-    pub(super) per_density: f32,
     /// The position of the eye along the x, y and z axis, in mean voxel spacings.
     pub(super) eye: [f32; 3],
     /// The distance between neighbouring voxels on each axis, in mean voxel spacings.
@@ -74,14 +73,15 @@ impl<'a> Projector<'a> {
             }
             PixelMap::Perspective { focal, .. } => (Ellipse::default(), normalisation * (focal * focal) as f32),
         };
-        let per_density = match &view.map {
-            PixelMap::Parallel { scale, .. } => normalisation * (scale * scale) as f32,
-            PixelMap::Perspective { .. } => 0.0,
-        };
         let shapes = match &view.map {
-            PixelMap::Parallel { pixel_from_voxel, .. } if lane.channels.coverage_bits > 0 => {
+            PixelMap::Parallel { pixel_from_voxel, scale } if lane.channels.coverage_bits > 0 => {
                 let rows = pixel_from_voxel.each_ref().map(single);
-                Some(Box::new(std::array::from_fn(|shape| footprint(widened(rows, widths.of(shape)), sigma, cut_off))))
+                let per_density = normalisation * (scale * scale) as f32;
+                let of_shape = |shape| {
+                    let Footprint { ellipse, density } = footprint(widened(rows, widths.of(shape)), sigma, cut_off);
+                    (ellipse, per_density * density)
+                };
+                Some(Box::new(std::array::from_fn(of_shape)))
             }
             _ => None,
         };
@@ -101,7 +101,6 @@ impl<'a> Projector<'a> {
             shapes,
             widths: *widths,
             strength,
-            per_density,
             eye: view.eye_scaled.map(|c| c as f32),
             steps: view.steps.map(|c| c as f32),
         }
@@ -284,17 +283,17 @@ impl<'a> Projector<'a> {
     #[inline(always)]
     fn place_parallel<C: Coordinates>(&self, pixel_from_voxel: [Affine; 2], positions: &C, out: &mut Splats) {
         let [column, row] = pixel_from_voxel.map(|map| self.nested(&map));
-        let (Some(shapes), Some(footprints)) = (positions.shapes(), &self.shapes) else {
+        let (Some(shapes), Some(of_shapes)) = (positions.shapes(), &self.shapes) else {
             return self.place_alike([column, row], positions, out);
         };
         for j in 0..BLOCK {
-            let Footprint { ellipse, density } = footprints[usize::from(shapes[j]) % SHAPES];
+            let (ellipse, strength) = of_shapes[usize::from(shapes[j]) % SHAPES];
             let position = positions.at(j);
             out.x.set(j, nearest_pixel(affine_at(&column, position)), ellipse.half_x);
             out.y.set(j, nearest_pixel(affine_at(&row, position)), ellipse.half_y);
             (out.ellipses[0][j], out.ellipses[1][j], out.ellipses[2][j]) =
                 (ellipse.u_factor, ellipse.y_factor, ellipse.shear);
-            out.strength[j] = self.per_density * density;
+            out.strength[j] = strength;
         }
     }
 

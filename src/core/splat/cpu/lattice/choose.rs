@@ -107,7 +107,7 @@ impl Lattice {
         let nested = [order.slow.index(), order.fast.index(), order.medium.index()];
         let widths = settings.blocks.widths(settings.fine_kernel());
         let squares = nested.map(|axis| std::array::from_fn(|shape| widths.of(shape)[axis].powi(2)));
-        // Those of the widest kernels along the fast and the medium axis.
+        // Standard deviations of the widest kernels along the fast and the medium axis.
         let sigmas = [1, 2].map(|n: usize| f64::from(kernel.sigma * widths.of(0)[nested[n]]));
         // The edge of what is opaque rises faster than its footprint; a picture of small voxels shows no such edges.
         let peak = deepest() / (std::f64::consts::TAU * sigmas[0] * sigmas[1]);
