@@ -64,6 +64,8 @@ pub(crate) fn random_coverage(random: &mut Random, channels: Channels) -> u16 {
 pub(crate) struct Look {
     is_labels: bool,
     function: Option<(TransferFunction, Scales)>,
+    /// The length along which voxels have their depths.
+    length: f64,
 }
 
 impl Look {
@@ -73,7 +75,8 @@ impl Look {
         let function = &description["transfer_function"];
         let parsed = TransferFunction::from_json(&function.to_string()).ok();
         let parsed = parsed.map(|function| function.with_voxel_length(voxel_length).unwrap());
-        Look { is_labels: function["kind"] == "labels", function: parsed.map(|function| (function, *scales)) }
+        let length = parsed.as_ref().and_then(|function| function.reference_length()).unwrap_or(voxel_length);
+        Look { is_labels: function["kind"] == "labels", function: parsed.map(|function| (function, *scales)), length }
     }
 
     /// The depth of a voxel; 0 where it does not matter.
@@ -82,15 +85,14 @@ impl Look {
         depth_of(function, [record.value.into(), record.magnitude.into()], channels)
     }
 
-    /// How much is seen through a voxel, 0 to 255.
-    fn seen_through(&self, record: &Record, channels: Channels) -> i128 {
-        let Some((function, scales)) = &self.function else { return 255 };
-        let clear = 1.0 - stored_opacity(function, scales, record.value, f64::MAX);
-        // The nearest whole number, upwards from the middle.
-        let clear = (0..=255u8).rev().find(|&part| f64::from(part) - 0.5 <= 255.0 * clear * clear).unwrap();
-        let hidden = 255 - i128::from(clear);
+    /// How much is seen through what is visible of a voxel that is `spacing` long, 0 to 255.
+    fn seen_through(&self, record: &Record, channels: Channels, spacing: f64) -> i128 {
+        let Some(function) = &self.function else { return 255 };
         let Covered { share, whole, .. } = Covered::new(record, channels);
-        255 - hidden * share / whole
+        let depth = depth_of(function, [record.value.into(), record.magnitude.into()], channels) * share / whole;
+        let clear = (-1.15 * (spacing / self.length * depth as f64 / 65536.0)).exp();
+        // The nearest whole number, upwards from the middle.
+        (0..=255u8).rev().find(|&part| f64::from(part) - 0.5 <= 255.0 * clear).unwrap().into()
     }
 }
 
@@ -134,18 +136,23 @@ struct Member {
 }
 
 /// The voxels of the level above `voxels`, of whose points `factors` along each axis become one.
-pub(crate) fn coarser(voxels: &Voxels, channels: Channels, factors: [u32; 3], look: &Look) -> Voxels {
+pub(crate) fn coarser(
+    voxels: &Voxels,
+    channels: Channels,
+    spacing: [f64; 3],
+    factors: [u32; 3],
+    look: &Look,
+) -> Voxels {
     let mut blocks: BTreeMap<[u32; 3], Vec<Member>> = BTreeMap::new();
     for (&point, &record) in voxels {
-        let neighbours = (0..3).flat_map(|a| {
+        let seen_through = (0..3).flat_map(|a| {
             [u32::MAX, 1].map(|step| {
                 let mut at = point;
                 at[a] = at[a].wrapping_add(step);
-                at
+                voxels.get(&at).map_or(255, |neighbour| look.seen_through(neighbour, channels, spacing[a]))
             })
         });
-        let seen_through = |at| voxels.get(&at).map_or(255, |neighbour| look.seen_through(neighbour, channels));
-        let seen = 1 + neighbours.map(seen_through).sum::<i128>();
+        let seen: i128 = 1 + if look.is_labels { seen_through.sum() } else { seen_through.max().unwrap() };
         let covered = Covered::new(&record, channels);
         let weight = covered.share * seen * (1 + look.depth(&record, channels) / 1024);
         let [x, y, z] = [0, 1, 2].map(|a| point[a] % factors[a]);

@@ -245,10 +245,11 @@ fn rows_of<'a>(arena: &Arena<'a>) -> impl Rows + use<'a> {
 
 /// Returns the sum of hashes, keyed by `key`, of the places and coverages of the level above `below`, which is sound.
 fn coarser_sum(below: &Arena, key: u64) -> u64 {
-    let factors = coarser(&below.facts().grid).map(|(_, factors)| factors);
+    let grid = &below.facts().grid;
+    let factors = coarser(grid).map(|(_, factors)| factors);
     let factors = factors.unwrap_or_else(|| unreachable!("R24 holds: the level below has a coarser grid"));
     let (rows, look) = (rows_of(below), LevelLook::default());
-    coverage_sum(&CoarserRows::new(&rows, factors, &look, 1), key)
+    coverage_sum(&CoarserRows::new(&rows, grid.spacing, factors, &look, 1), key)
 }
 
 /// Returns the sum of hashes, keyed by `key`, of the places and coverages of some voxels.

@@ -2,7 +2,7 @@
 //!
 //! In: rows of voxels. Out: rows of a coarser level, whose voxels stand for blocks of up to 2 x 2 x 2 points. A voxel's
 //! coverage says how much of its block is visible and where. Its codes are means, in which voxels count by their share, by
-//! what is seen of their faces, and by their optical depth. They are then moved to where the voxel is as opaque as its block.
+//! how much of them is seen, and by their optical depth. They are then moved to where the voxel is as opaque as its block.
 //! A level is computed from the level below it as that is stored, so all levels follow from the stored voxels and the file's
 //! transfer function: `formats/adj-1.md`, section 13.
 //!
@@ -17,7 +17,7 @@ use super::coverage::MOST_SHARE;
 use super::layout::{Channels, Facts, Scales, TILE_EDGE};
 use super::pack::Record;
 use super::rows::{Region, Rows, Voxel};
-use super::visible::{stored_depth, stored_opacity};
+use super::visible::stored_depth;
 use crate::classify::{MagnitudeCodec, TransferFunction, normal};
 use crate::error::Result;
 use crate::volume::Grid;
@@ -126,10 +126,10 @@ pub(crate) fn holds_labels(description: &[u8]) -> bool {
 pub struct LevelLook {
     /// Whether values are labels, of which the most frequent stays.
     is_labels: bool,
-    /// For each value code: how much of a neighbour is seen through such a voxel, 0 to 255. Empty if all neighbours are seen
-    /// alike.
-    clear: Vec<u8>,
+    /// `None` if all voxels are seen alike.
     depths: Option<CodeDepths>,
+    /// The length for which depths are.
+    length: f64,
 }
 
 /// The optical depths of codes, per reference length, in parts of 65,536.
@@ -185,32 +185,30 @@ impl CodeDepths {
 
 impl LevelLook {
     /// Returns the look of a file with this description and these facts.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
     pub fn new(description: &[u8], facts: &Facts) -> LevelLook {
-        let is_labels = holds_labels(description);
-        let transfer_function = TransferFunction::of_description(description, facts.grid.mean_spacing());
-        let Some(transfer_function) = transfer_function else { return LevelLook { is_labels, ..LevelLook::default() } };
-        let clear = (0..=facts.channels.last_value_code()).map(|code| {
-            let opacity = stored_opacity(&transfer_function, &facts.scales, code, f64::MAX).clamp(0.0, 1.0);
-            // Twice, as kernels are about two voxels wide.
-            (255.0 * (1.0 - opacity) * (1.0 - opacity)).round() as u8
-        });
-        let clear = clear.collect();
-        LevelLook { is_labels, clear, depths: CodeDepths::new(transfer_function, facts).filter(|_| !is_labels) }
+        let (is_labels, spacing) = (holds_labels(description), facts.grid.mean_spacing());
+        let transfer_function = TransferFunction::of_description(description, spacing);
+        let length = transfer_function.as_ref().and_then(TransferFunction::reference_length).unwrap_or(spacing);
+        let depths = transfer_function.and_then(|function| CodeDepths::new(function, facts));
+        LevelLook { is_labels, depths, length }
     }
 
-    /// Returns the optical depth of a voxel; 0 if it does not matter.
+    /// Returns the optical depth of a voxel that is wholly visible, per reference length; 0 without a function.
     #[inline]
     fn depth(&self, record: &Record) -> u32 {
         self.depths.as_ref().map_or(0, |depths| depths.of([record.value, record.magnitude.into()]))
     }
 
-    /// Returns how much of a neighbour is seen through a voxel.
+    /// Returns the optical depth of what is visible of a voxel.
     #[inline]
-    fn clear(&self, record: &Record, channels: Channels) -> u8 {
-        let Some(clear) = self.clear.get(usize::from(record.value)) else { return u8::MAX };
-        let hidden = u64::from(u8::MAX - clear);
-        u8::MAX - u8::try_from(hidden * weight(record, channels) / whole(channels)).unwrap_or(u8::MAX)
+    fn visible_depth(&self, record: &Record, channels: Channels) -> u32 {
+        let depth = u64::from(self.depth(record)) * weight(record, channels) / whole(channels);
+        u32::try_from(depth).unwrap_or(u32::MAX)
+    }
+
+    /// Returns the depths by which voxels count in means, and to which means are moved; `None` if neither is so.
+    fn depths_of_means(&self) -> Option<&CodeDepths> {
+        self.depths.as_ref().filter(|_| !self.is_labels)
     }
 }
 
@@ -236,21 +234,21 @@ fn whole(channels: Channels) -> u64 {
     }
 }
 
-/// How much of each point of a box is seen through: 255 where no voxel is.
+/// The optical depth of each point of a box, of what is visible there, per reference length: 0 where no voxel is.
 #[derive(Default)]
-struct Clearness {
+struct Depths {
     low: [u32; 3],
     size: [usize; 3],
-    clear: Vec<u8>,
+    depths: Vec<u32>,
 }
 
-impl Clearness {
+impl Depths {
     /// Begins with the box of `region` and of one more point on each side, which may lie outside the grid.
     fn begin(&mut self, region: &Region) {
         self.low = region.low();
         self.size = region.size().map(|points| points as usize + 2);
-        self.clear.clear();
-        self.clear.resize(self.size.iter().product(), u8::MAX);
+        self.depths.clear();
+        self.depths.resize(self.size.iter().product(), 0);
     }
 
     /// Returns the index of a point of the box, whose lowest has coordinates of -1 beside the region's.
@@ -260,13 +258,25 @@ impl Clearness {
         (at(2, z) * self.size[1] + at(1, y)) * self.size[0] + at(0, x)
     }
 
-    /// Returns how much of a voxel's six faces is seen, 1 to 1,531.
+    /// Returns how much of a voxel is seen through its six neighbours, 1 to 1,531. `lengths` are the spacings along the axes, in
+    /// parts of the length for which depths are.
+    ///
+    /// That is through the clearest of them, as a view sees a block from one side. Labels show by their area, so all are added up.
     #[inline]
-    fn seen(&self, place: [u32; 3]) -> u64 {
+    fn seen(&self, place: [u32; 3], lengths: [f64; 3], is_labels: bool) -> u64 {
+        /// A neighbour is also seen through obliquely, and kernels are about two voxels wide. Measured
+        /// (docs/studies/levels.md); from 1.1 to 1.4 pictures are alike.
+        const SLANT: f64 = 1.15;
         let (at, row) = (self.index(place), self.size[0]);
-        let slice = row * self.size[1];
-        let faces = [at - 1, at + 1, at - row, at + row, at - slice, at + slice];
-        1 + faces.into_iter().map(|face| u64::from(self.clear[face])).sum::<u64>()
+        let strides = [1, row, row * self.size[1]];
+        let depths = [0, 1, 2].map(|a| {
+            let neighbours = [self.depths[at - strides[a]], self.depths[at + strides[a]]];
+            neighbours.map(|depth| lengths[a] * f64::from(depth) * (SLANT / 65_536.0))
+        });
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+        let clear = |depth: f64| (255.0 * (-depth).exp()).round() as u64;
+        let depths = depths.into_iter().flatten();
+        1 + if is_labels { depths.map(clear).sum() } else { clear(depths.fold(f64::MAX, f64::min)) }
     }
 }
 
@@ -276,16 +286,26 @@ pub struct CoarserRows<'a> {
     factors: [u32; 3],
     dims: [u32; 3],
     look: &'a LevelLook,
+    /// The spacings of `rows`, in parts of the length for which the look's depths are.
+    lengths: [f64; 3],
     threads: usize,
 }
 
 impl<'a> CoarserRows<'a> {
-    /// Creates the level above `rows`, of which `factors` points along each axis, 1 or 2, become one. So many
-    /// `threads` will read.
-    pub fn new(rows: &'a dyn Rows, factors: [u32; 3], look: &'a LevelLook, threads: usize) -> CoarserRows<'a> {
+    /// Creates the level above `rows`, whose spacings are `spacing` and of which `factors` points along each axis, 1 or 2,
+    /// become one. So many `threads` will read.
+    pub fn new(
+        rows: &'a dyn Rows,
+        spacing: [f64; 3],
+        factors: [u32; 3],
+        look: &'a LevelLook,
+        threads: usize,
+    ) -> CoarserRows<'a> {
         let dims = rows.dims();
         let dims = std::array::from_fn(|a| dims[a].div_ceil(factors[a]));
-        CoarserRows { rows, factors, dims, look, threads }
+        // Finite, as no depth times an infinite length would be no number.
+        let lengths = spacing.map(|spacing| (spacing / look.length).min(f64::MAX));
+        CoarserRows { rows, factors, dims, look, lengths, threads }
     }
 
     /// Returns how many of the coarser rows are made at once: few, and in whole tiles.
@@ -307,7 +327,7 @@ impl Rows for CoarserRows<'_> {
     fn memory(&self) -> u64 {
         let [width, height, _] = self.rows.dims().map(u64::from);
         let rows = (u64::from(self.rows_at_once()) * 2).min(height);
-        let around = (width + 2) * (rows + 2) * 4;
+        let around = (width + 2) * (rows + 2) * 4 * size_of::<u32>() as u64;
         // A growing array may hold twice its bytes.
         self.rows.memory() + (2 * width * rows * 2 * size_of::<Voxel>() as u64 + around) * self.threads as u64
     }
@@ -324,7 +344,7 @@ impl Rows for CoarserRows<'_> {
         let step = self.rows_at_once();
         let channels = self.rows.channels();
         let mut parts: Vec<Vec<Voxel>> = Vec::new();
-        let mut clearness = Clearness::default();
+        let mut depths = Depths::default();
         let mut voxels = Vec::new();
         for z in region.zs.clone() {
             for first in region.ys.clone().step_by(step as usize) {
@@ -337,13 +357,13 @@ impl Rows for CoarserRows<'_> {
                 let ([_, low_y, low_z], [_, height, depth]) = (below.low(), below.size());
                 parts.resize_with((height * depth) as usize, Vec::new);
                 parts.iter_mut().for_each(Vec::clear);
-                clearness.begin(&below);
+                depths.begin(&below);
                 let around = below.and_neighbours();
                 self.rows.read(around, &mut |y, z, part| {
                     let (y, z) = (u32::from(y), u32::from(z));
                     for voxel in part {
-                        let index = clearness.index([voxel.x.into(), y, z]);
-                        clearness.clear[index] = self.look.clear(&voxel.record, channels);
+                        let index = depths.index([voxel.x.into(), y, z]);
+                        depths.depths[index] = self.look.visible_depth(&voxel.record, channels);
                     }
                     if below.ys.contains(&y) && below.zs.contains(&z) {
                         let inside = part.iter().filter(|voxel| below.xs.contains(&voxel.x.into()));
@@ -359,7 +379,7 @@ impl Rows for CoarserRows<'_> {
                     }
                     voxels.clear();
                     let low = [0, y * self.factors[1], z * self.factors[2]];
-                    self.merge(block, low, &clearness, &mut voxels);
+                    self.merge(block, low, &depths, &mut voxels);
                     if !voxels.is_empty() {
                         row(narrow(y), narrow(z), &voxels);
                     }
@@ -374,7 +394,7 @@ impl CoarserRows<'_> {
     /// Makes one row of the rows of the level below at the low and the high end of y, first at the low end of z.
     ///
     /// `low` has the lowest y and z of these.
-    fn merge(&self, mut rows: [&[Voxel]; 4], low: [u32; 3], clearness: &Clearness, voxels: &mut Vec<Voxel>) {
+    fn merge(&self, mut rows: [&[Voxel]; 4], low: [u32; 3], depths: &Depths, voxels: &mut Vec<Voxel>) {
         let shift = self.factors[0] - 1;
         let channels = self.rows.channels();
         while let Some(x) = rows.iter().filter_map(|row| row.first()).map(|voxel| voxel.x >> shift).min() {
@@ -383,8 +403,10 @@ impl CoarserRows<'_> {
                 while let Some((voxel, rest)) = row.split_first().filter(|(voxel, _)| voxel.x >> shift == x) {
                     let high = usize::from(voxel.x & u16::from(self.factors[0] == 2));
                     let [up, back] = [place & 1, place >> 1].map(|end| u32::from(end == 1));
-                    let seen = clearness.seen([voxel.x.into(), low[1] + up, low[2] + back]);
-                    block.add(high + 2 * place, &voxel.record, channels, seen, self.look.depth(&voxel.record));
+                    let at = [voxel.x.into(), low[1] + up, low[2] + back];
+                    let seen = depths.seen(at, self.lengths, self.look.is_labels);
+                    let depth = if self.look.is_labels { 0 } else { self.look.depth(&voxel.record) };
+                    block.add(high + 2 * place, &voxel.record, channels, seen, depth);
                     *row = rest;
                 }
             }
@@ -416,14 +438,14 @@ struct Block {
 /// A voxel of a block.
 #[derive(Default, Clone, Copy)]
 struct BlockVoxel {
-    /// How much it counts in means, in proportion to the share that is visible, to what is seen of its faces, and to its depth.
+    /// How much it counts in means, in proportion to the share that is visible, to what is seen of it, and to its depth.
     counts: u64,
     depth: u32,
     record: Record,
 }
 
 impl Block {
-    /// Adds a voxel at `place`: x + 2 y + 4 z, each 0 or 1. `seen` is how much of its faces is seen.
+    /// Adds a voxel at `place`: x + 2 y + 4 z, each 0 or 1. `seen` is how much of it is seen.
     #[inline]
     fn add(&mut self, place: usize, record: &Record, channels: Channels, seen: u64, depth: u32) {
         let code = u64::from(record.coverage);
@@ -454,7 +476,7 @@ impl Block {
     fn record(&self, channels: Channels, look: &LevelLook) -> Record {
         let means = [self.value, self.magnitude]
             .map(|sum| u16::try_from((2 * sum + self.counts) / (2 * self.counts)).unwrap_or(u16::MAX));
-        let [value, magnitude] = look.depths.as_ref().map_or(means, |depths| self.as_opaque(means, depths));
+        let [value, magnitude] = look.depths_of_means().map_or(means, |depths| self.as_opaque(means, depths));
         Record {
             value: if look.is_labels { self.label() } else { value },
             normal: self.normal(channels.normal_bits),
@@ -552,7 +574,7 @@ impl Block {
         for BlockVoxel { counts, record, .. } in self.stored() {
             let direction = decode(record.normal).map(f64::from);
             let along: f64 = side.iter().zip(direction).map(|(side, direction)| side * direction).sum();
-            #[expect(clippy::cast_precision_loss, reason = "at most 35 bits")]
+            #[expect(clippy::cast_precision_loss, reason = "at most 33 bits")]
             let factor = *counts as f64 * if along < 0.0 { -1.0 } else { 1.0 };
             sum = [0, 1, 2].map(|axis| sum[axis] + factor * direction[axis]);
         }

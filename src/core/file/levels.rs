@@ -66,7 +66,7 @@ fn levels<M: Made>(
         let Some((coarser, factors)) = next else { break };
         let observer = &mut LevelObserver { observer, number };
         let first = with_rows(levels.last(), rows, |below| {
-            let rows = CoarserRows::new(below, factors, &look, output.threads.max(1));
+            let rows = CoarserRows::new(below, facts.grid.spacing, factors, &look, output.threads.max(1));
             write(&rows, &coarser, 1, observer)
         })?;
         let voxels = first.arena()?.facts().visible_voxels;

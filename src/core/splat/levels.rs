@@ -28,17 +28,40 @@ use crate::volume::{Axis, Grid};
 /// drawing one takes 1.1 to 1.8 times as long as drawing one of level 0.
 const WORTHWHILE: f64 = 0.4;
 
-/// The largest crowding of level 1 whose matter is not thin. Crowding is how many blocks are needed for each that the voxels of
-/// level 0 would fill: 1.04 to 1.52 in solids (mr has the most), 1.75 in shells, 2.2 in sheets of two voxels, 7.7 in specks. The
-/// blocks of thin matter hold both sides of a sheet, of which a level has one colour.
-///
-/// This is the bound for blocks of eight points. For blocks of four it is raised to the power 2/3, for blocks of two to 1/3: shells of
-/// 48^3 points with spacings of 1 : 1 : 3, whose blocks have four points, have a crowding of 1.51, and 32 dB from level 1.
-const THIN: f64 = 1.6;
-/// The same for label maps, whose blocks hold several labels: 1.04 in an atlas of large organs, 1.16 in a frog of thin ones. At
-/// standard the frog has 37.6 dB where voxels are a quarter of a pixel; as a draft it has 33.
-const THIN_LABELS: f64 = 1.1;
-const THIN_LABELS_IN_DRAFTS: f64 = 1.3;
+/// What a level can show well, as the crowding of level 1 tells: how many blocks are needed for each that the voxels of level 0 would
+/// fill.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Matter {
+    /// Crowding is 1.04 to 1.52 (mr has the most); in label maps 1.04 (an atlas of large organs).
+    Solid,
+    /// Label maps whose blocks often hold several labels: a frog has 1.16.
+    ThinOrgans,
+    /// Blocks hold both sides of a sheet, of which a level has one colour. Crowding is 1.75 in shells, 2.2 in sheets of two voxels, 7.7
+    /// in specks.
+    Thin,
+}
+
+impl Matter {
+    /// The largest crowding of solid matter, and in label maps also of thin organs.
+    const SOLID: f64 = 1.6;
+    const SOLID_LABELS: f64 = 1.1;
+    const THIN_ORGANS: f64 = 1.3;
+
+    /// Returns the matter of a scene that has levels.
+    ///
+    /// Bounds are for blocks of eight points. For blocks of four they are raised to the power 2/3, for blocks of two to 1/3: shells of
+    /// 48^3 points with spacings of 1 : 1 : 3, whose blocks have four points, have a crowding of 1.51, and 35.5 dB from level 1.
+    fn of(scene: &Scene) -> Matter {
+        let points: u32 = factors(&scene.facts.grid, &facts_of(scene, 1).grid).iter().product();
+        let crowding = (share(scene, 1) * f64::from(points)).powf(3.0 / f64::from(points).log2().max(1.0));
+        match scene.transfer.is_labels() {
+            false if crowding <= Matter::SOLID => Matter::Solid,
+            true if crowding <= Matter::SOLID_LABELS => Matter::Solid,
+            true if crowding <= Matter::THIN_ORGANS => Matter::ThinOrgans,
+            _ => Matter::Thin,
+        }
+    }
+}
 
 /// A crop that divides blocks of a level is drawn from that level only if it is at least so many blocks thick, as it is rounded
 /// to whole blocks: a crop of one slice would vanish, or become a block thick.
@@ -114,44 +137,31 @@ pub fn level_settings(settings: &Settings, grid: &Grid, level: &Grid) -> Setting
 /// Returns the most pixels that the longest edge of a voxel of `level` may have; 0 if the level is never drawn.
 ///
 /// The aim is 38 dB from level 0 at [`Quality::Standard`] and 30 dB at [`Quality::Draft`], in the worst of six views. The sets
-/// of docs/studies/levels.md keep it with these numbers, but for two (see standard, level 1); finer waves than theirs have less.
-/// What each comes from:
+/// of docs/studies/levels.md keep it with these numbers; finer waves than theirs have less. What each comes from:
 ///
-/// * Standard, level 1: 38 dB are kept from 0.6 pixels on by engine, iron and atlas. Two MR heads have 37.7 and 37.9 dB at 0.5
-///   pixels, and keep 38 from 0.42 and 0.46 on; thin vessels (256^3) have 36.5.
+/// * Standard, level 1: an MR head has 38.3 dB at 0.54 pixels, and fewer from there on. The frog has 38.4 at 0.39.
 /// * Standard, level 2: engine has 36.3 dB at 0.25 pixels. At 0.125 the pictures of all sets have fewer than 32 pixels a side, and
 ///   level 0 itself has 34 to 42 dB there.
-/// * Draft, level 1: frog has 32.7 dB at 0.87 pixels. Level 2: mr has 32.5 dB at 1.07 pixels. At one pixel engine has 33 and more in
-///   five views, but 28.4 where one looks onto a wall of four voxels with two colours. Level 3: engine has 31.2 dB at 0.72.
-/// * Thin matter at standard: level 1 of shells has 30 dB at 0.125 pixels.
-/// * Thin matter at draft: at 0.25 pixels level 2 of shells has 29.3 dB, of gyroid 30.6.
-fn most_pixels(quality: Quality, level: usize, is_thin: bool) -> f64 {
-    match (quality, level, is_thin) {
+/// * Draft, level 1: frog has 32.7 dB at 0.87 pixels. Level 2: mr has 32.5 dB at 1.07 pixels. Level 3: engine has 31.2 dB at 0.72.
+/// * Thin matter at standard: level 1 of shells has 32 dB at 0.25 pixels.
+/// * Thin matter at draft: level 1 has 31.2 dB at 0.5 pixels (gyroid, shells). Level 2 has 30.7 at 0.25 (gyroid).
+fn most_pixels(quality: Quality, level: usize, matter: Matter) -> f64 {
+    match (quality, level, matter) {
         (_, 0, _) => f64::INFINITY,
-        (Quality::Draft, 1 | 2, false) => 1.08,
-        (Quality::Draft, 3, false) => 0.7,
-        (Quality::Draft, 4.., false) | (Quality::Draft, 2.., true) => 0.25,
-        (Quality::Standard, 1, false) => 0.5,
-        (Quality::Standard, _, false) => 0.125,
-        (Quality::Draft | Quality::Standard, _, true) | (Quality::High | Quality::Reference, ..) => 0.0,
+        (Quality::Draft, 1, Matter::Thin) => 0.54,
+        (Quality::Draft, 1 | 2, Matter::Solid | Matter::ThinOrgans) => 1.08,
+        (Quality::Draft, 3, Matter::Solid | Matter::ThinOrgans) => 0.7,
+        (Quality::Draft, ..) => 0.25,
+        (Quality::Standard, 1, Matter::Solid) => 0.54,
+        (Quality::Standard, 1, Matter::ThinOrgans) => 0.4,
+        (Quality::Standard, _, Matter::Solid | Matter::ThinOrgans) => 0.125,
+        (Quality::Standard, _, Matter::Thin) | (Quality::High | Quality::Reference, ..) => 0.0,
     }
 }
 
 /// Returns how many voxels a level has for each of level 0.
 fn share(scene: &Scene, level: usize) -> f64 {
     facts_of(scene, level).visible_voxels as f64 / scene.facts.visible_voxels as f64
-}
-
-/// Returns whether the matter is thin, as the crowding of level 1 tells (see [`THIN`]).
-fn is_thin(scene: &Scene, quality: Quality) -> bool {
-    let points: u32 = factors(&scene.facts.grid, &facts_of(scene, 1).grid).iter().product();
-    let crowding = share(scene, 1) * f64::from(points);
-    let most = match (scene.transfer.is_labels(), quality) {
-        (false, _) => THIN,
-        (true, Quality::Draft) => THIN_LABELS_IN_DRAFTS,
-        (true, _) => THIN_LABELS,
-    };
-    crowding > most.powf(f64::from(points).log2() / 3.0)
 }
 
 /// Returns whether the levels fit the function that the scene is drawn with: their voxels are as opaque as the blocks that they stand
@@ -217,14 +227,14 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
         let grid = &facts_of(scene, level).grid;
         grid.spacing.into_iter().fold(0.0, f64::max) / view.mean_voxel
     };
-    let is_thin = is_thin(scene, settings.quality);
+    let matter = Matter::of(scene);
     // The distance from the eye, in mean voxels of level 0, from which on a level is drawn; 0 or infinity in parallel views.
     let distances: Vec<f64> = (0..=levels)
         .map(|level| {
             if level > 0 && share(scene, level) > WORTHWHILE {
                 return f64::INFINITY;
             }
-            let most = most_pixels(settings.quality, level, is_thin);
+            let most = most_pixels(settings.quality, level, matter);
             match &view.map {
                 PixelMap::Parallel { scale, .. } if edge(level) * scale <= most => 0.0,
                 PixelMap::Parallel { .. } => f64::INFINITY,

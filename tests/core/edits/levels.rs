@@ -133,8 +133,8 @@ fn levels_are_what_the_twin_gives_voxel_by_voxel() {
             model.voxels.iter().map(|(&[z, y, x], &record)| ([x, y, z].map(u32::from), record)).collect();
         while let Some((coarse, factors)) = coarser_grid(&grid).filter(|_| level < wanted) {
             level += 1;
-            let alike = coarser(&expected, channels, factors, &Look::default());
-            expected = coarser(&expected, channels, factors, &look);
+            let alike = coarser(&expected, channels, grid.spacing, factors, &Look::default());
+            expected = coarser(&expected, channels, grid.spacing, factors, &look);
             hidden += u32::from(alike != expected);
             (grid, channels) = (coarse, coarser_channels(channels));
             let found = arena.level(level).expect("it is there");

@@ -29,7 +29,7 @@ fn levels_follow(arena: &Arena, mut below: Voxels) -> bool {
         let level = arena.level(number).expect("it opened with the file");
         let (Some((_, factors)), Some(voxels)) = (coarser_grid(&grid), lanes_agree(&level)) else { return false };
         // The look decides on means alone.
-        let expected = coarser(&below, channels, factors, &Look::default());
+        let expected = coarser(&below, channels, grid.spacing, factors, &Look::default());
         let follows = places(&voxels) == places(&expected);
         (grid, channels, below) = (level.facts().grid.clone(), level.facts().channels, voxels);
         follows && is_whole(level.bytes(), &level)

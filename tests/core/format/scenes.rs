@@ -57,7 +57,7 @@ impl Scene {
             let below = scenes.last().unwrap_or(self);
             let (grid, factors) = coarser_grid(&below.facts().grid).expect("the example's grid has so many levels");
             let voxels = below.voxels.iter().map(|&(at, record)| (at.map(u32::from), record)).collect();
-            let voxels = coarser(&voxels, below.channels, factors, &look);
+            let voxels = coarser(&voxels, below.channels, below.facts().grid.spacing, factors, &look);
             let narrow = |at: [u32; 3]| at.map(|c| u16::try_from(c).unwrap());
             scenes.push(Scene {
                 dims: grid.dims,
