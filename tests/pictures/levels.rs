@@ -114,15 +114,16 @@ fn pictures_of_small_voxels_are_drawn_from_levels_and_are_near_the_truth() {
     let (solid, thin) = (model_of("marschner-lobb", 128.0), model_of("shells", 191.0));
     let size = [72, 68];
     for (model, pixels, quality, level, least) in [
-        (&solid, 0.25, Quality::Standard, 1, 31.5),
-        (&solid, 0.26, Quality::Standard, 0, 38.0),
-        (&solid, 0.54, Quality::Draft, 1, 28.0),
-        (&solid, 0.27, Quality::Draft, 2, 23.0),
-        (&solid, 0.28, Quality::Draft, 1, 30.0),
-        (&solid, 0.0625, Quality::Draft, 3, 26.7),
+        (&solid, 0.27, Quality::Standard, 1, 32.0),
+        (&solid, 0.28, Quality::Standard, 0, 38.0),
+        (&solid, 0.54, Quality::Draft, 1, 28.5),
+        (&solid, 0.27, Quality::Draft, 2, 25.5),
+        (&solid, 0.28, Quality::Draft, 1, 31.0),
+        (&solid, 0.0625, Quality::Draft, 3, 27.5),
         (&thin, 0.0625, Quality::Standard, 0, 38.0),
-        (&thin, 0.08, Quality::Draft, 0, 30.0),
-        (&thin, 0.0625, Quality::Draft, 2, 30.0),
+        (&thin, 0.28, Quality::Draft, 0, 30.0),
+        (&thin, 0.27, Quality::Draft, 1, 31.0),
+        (&thin, 0.0625, Quality::Draft, 2, 33.5),
     ] {
         let name = if std::ptr::eq(model, &raw const solid) { "solid" } else { "thin" };
         for view in VIEWS {
@@ -142,9 +143,9 @@ fn pictures_of_small_voxels_are_drawn_from_levels_and_are_near_the_truth() {
 fn levels_whose_blocks_are_not_cubes_do_not_fall_apart_into_slices() {
     let size = [64, 60];
     for (name, dims, spacing, least) in [
-        ("marschner-lobb", [64, 64, 32], [1.0, 1.0, 3.0], 29.5),
-        ("shells", [96, 96, 48], [1.0, 1.0, 3.0], 32.5),
-        ("hydrogen", [96, 96, 96], [1.0, 4.0, 1.0], 39.0),
+        ("marschner-lobb", [64, 64, 32], [1.0, 1.0, 3.0], 28.5),
+        ("shells", [96, 96, 48], [1.0, 1.0, 3.0], 39.0),
+        ("hydrogen", [96, 96, 96], [1.0, 4.0, 1.0], 46.0),
     ] {
         let mut source = phantom(name, dims, SampleType::U8, spacing);
         let low = if name == "hydrogen" { 20.0 } else { 128.0 };
@@ -164,7 +165,7 @@ fn levels_whose_blocks_are_not_cubes_do_not_fall_apart_into_slices() {
 #[test]
 fn two_levels_in_a_small_picture_do_not_make_outlines_fatter() {
     let model = model("hydrogen", [96; 3], [1.0, 4.0, 1.0], 1, 0.5);
-    let camera = camera(&model, [90.0, 90.0], 1480.0, Projection::Perspective { fov: 10.0 });
+    let camera = camera(&model, [90.0, 90.0], 1370.0, Projection::Perspective { fov: 10.0 });
     let settings = Settings::new([32, 32]);
     let parts = level_parts(&model.scene(), &camera, &settings).unwrap();
     assert_eq!(parts.iter().map(|part| part.level).collect::<Vec<_>>(), [0, 1]);
