@@ -79,21 +79,36 @@ impl Look {
         Look { is_labels: function["kind"] == "labels", function: parsed.map(|function| (function, *scales)), length }
     }
 
-    /// The depth of a voxel; 0 where it does not matter.
+    /// The depth of a voxel; 0 without a function.
     fn depth(&self, record: &Record, channels: Channels) -> i128 {
-        let Some(function) = self.function.as_ref().filter(|_| !self.is_labels) else { return 0 };
+        let Some(function) = &self.function else { return 0 };
         depth_of(function, [record.value.into(), record.magnitude.into()], channels)
     }
 
-    /// How much is seen through what is visible of a voxel that is `spacing` long, 0 to 255.
-    fn seen_through(&self, record: &Record, channels: Channels, spacing: f64) -> i128 {
-        let Some(function) = &self.function else { return 255 };
+    /// The depth of what is visible of a voxel along its length of `spacing`.
+    fn depth_along(&self, record: &Record, channels: Channels, spacing: f64) -> f64 {
         let Covered { share, whole, .. } = Covered::new(record, channels);
-        let depth = depth_of(function, [record.value.into(), record.magnitude.into()], channels) * share / whole;
-        let clear = (-1.15 * (spacing / self.length * depth as f64 / 65536.0)).exp();
-        // The nearest whole number, upwards from the middle.
-        (0..=255u8).rev().find(|&part| f64::from(part) - 0.5 <= 255.0 * clear).unwrap().into()
+        let depth = self.depth(record, channels) * share / whole;
+        if depth == 0 { 0.0 } else { (spacing / self.length).min(1e6) * (depth as f64 / 65536.0) }
     }
+}
+
+/// How much is seen through a depth, 0 to 255.
+fn seen_through(depth: f64) -> i128 {
+    // Rounded down to parts of 256.
+    let clear = (-(256.0 * depth).floor() / 256.0).exp();
+    // The nearest whole number, upwards from the middle.
+    (0..=255u8).rev().find(|&part| f64::from(part) - 0.5 <= 255.0 * clear).unwrap().into()
+}
+
+/// The unit normal of a voxel; 0 for none.
+fn normal_of(record: &Record, channels: Channels) -> [f64; 3] {
+    let normal = match channels.normal_bits {
+        0 => [0.0; 3],
+        8 => normal::decode8(u16::try_from(record.normal & 0xffff).unwrap()),
+        _ => normal::decode16(record.normal),
+    };
+    normal.map(f64::from)
 }
 
 /// What is visible of a voxel.
@@ -131,8 +146,9 @@ struct Member {
     at: [u32; 3],
     record: Record,
     covered: Covered,
-    /// How much it counts in means.
+    /// How much it counts in means of values and magnitudes, and for labels and normals.
     weight: i128,
+    area: i128,
 }
 
 /// The voxels of the level above `voxels`, of whose points `factors` along each axis become one.
@@ -145,19 +161,33 @@ pub(crate) fn coarser(
 ) -> Voxels {
     let mut blocks: BTreeMap<[u32; 3], Vec<Member>> = BTreeMap::new();
     for (&point, &record) in voxels {
-        let seen_through = (0..3).flat_map(|a| {
-            [u32::MAX, 1].map(|step| {
-                let mut at = point;
-                at[a] = at[a].wrapping_add(step);
-                voxels.get(&at).map_or(255, |neighbour| look.seen_through(neighbour, channels, spacing[a]))
-            })
+        let depth_beside = |a: usize, step: u32| {
+            let mut at = point;
+            at[a] = at[a].wrapping_add(step);
+            voxels.get(&at).map_or(0.0, |neighbour| look.depth_along(neighbour, channels, spacing[a]))
+        };
+        let (low, high) = ([0, 1, 2].map(|a| depth_beside(a, u32::MAX)), [0, 1, 2].map(|a| depth_beside(a, 1)));
+        let all = low.into_iter().chain(high);
+        let normal = normal_of(&record, channels);
+        // Along the normal, and against it.
+        let ways = [normal, normal.map(|n| -n)].map(|way| -> f64 {
+            (0..3).map(|a| way[a].abs().powi(3) * if way[a] < 0.0 { low[a] } else { high[a] }).sum()
         });
-        let seen: i128 = 1 + if look.is_labels { seen_through.sum() } else { seen_through.max().unwrap() };
+        let has_normal = normal != [0.0; 3];
+        let in_front = if has_normal { ways[0].min(ways[1]) } else { all.clone().fold(f64::MAX, f64::min) };
+        let front = 1 + seen_through(1.3 * in_front);
+        let area = 1 + all.map(|depth| seen_through(2.0 * depth)).sum::<i128>();
         let covered = Covered::new(&record, channels);
-        let weight = covered.share * seen * (1 + look.depth(&record, channels) / 1024);
+        let dense = covered.share * (1 + look.depth(&record, channels) / 1024);
         let [x, y, z] = [0, 1, 2].map(|a| point[a] % factors[a]);
         let place = [0, 1, 2].map(|a| point[a] / factors[a]);
-        blocks.entry(place).or_default().push(Member { at: [z, y, x], record, covered, weight });
+        blocks.entry(place).or_default().push(Member {
+            at: [z, y, x],
+            record,
+            covered,
+            weight: dense * front,
+            area: dense * area,
+        });
     }
     blocks
         .into_iter()
@@ -223,23 +253,18 @@ fn mean(block: &[Member], channels: Channels, look: &Look) -> Record {
     .map(|code| u16::try_from(code).unwrap());
     if look.is_labels {
         let mut sums: BTreeMap<u16, i128> = BTreeMap::new();
-        block.iter().for_each(|member| *sums.entry(member.record.value).or_default() += member.weight);
+        block.iter().for_each(|member| *sums.entry(member.record.value).or_default() += member.area);
         let most = *sums.values().max().unwrap();
         value = sums.into_iter().find(|&(_, sum)| sum == most).unwrap().0;
     }
-    let low_half = |code: u32| u16::try_from(code & 0xffff).unwrap();
-    let direction = |record: &Record| match channels.normal_bits {
-        8 => normal::decode8(low_half(record.normal)).map(f64::from),
-        _ => normal::decode16(record.normal).map(f64::from),
-    };
-    let most = block.iter().map(|member| member.weight).max().unwrap();
-    let heaviest = block.iter().find(|member| member.weight == most).unwrap().record;
+    let most = block.iter().map(|member| member.area).max().unwrap();
+    let heaviest = block.iter().find(|member| member.area == most).unwrap().record;
     let mut sum = [0.0f64; 3];
-    for Member { record, weight, .. } in block {
+    for Member { record, area, .. } in block {
         // Those on the other side of the heaviest one count turned around.
-        let (this, other) = (direction(record), direction(&heaviest));
+        let (this, other) = (normal_of(record, channels), normal_of(&heaviest, channels));
         let is_behind = this[0] * other[0] + this[1] * other[1] + this[2] * other[2] < 0.0;
-        sum = std::array::from_fn(|a| sum[a] + *weight as f64 * if is_behind { -this[a] } else { this[a] });
+        sum = std::array::from_fn(|a| sum[a] + *area as f64 * if is_behind { -this[a] } else { this[a] });
     }
     let normal = match channels.normal_bits {
         0 => 0,

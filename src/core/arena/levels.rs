@@ -9,6 +9,7 @@
 //! Memory: the visible voxels of a few rows for each thread that reads.
 
 use std::collections::BTreeMap;
+use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
@@ -124,7 +125,7 @@ pub(crate) fn holds_labels(description: &[u8]) -> bool {
 /// What a file's transfer function says of how a level is made.
 #[derive(Debug, Clone, Default)]
 pub struct LevelLook {
-    /// Whether values are labels, of which the most frequent stays.
+    /// Whether values are labels, of which the one that shows the largest area stays.
     is_labels: bool,
     /// `None` if all voxels are seen alike.
     depths: Option<CodeDepths>,
@@ -205,11 +206,6 @@ impl LevelLook {
         let depth = u64::from(self.depth(record)) * weight(record, channels) / whole(channels);
         u32::try_from(depth).unwrap_or(u32::MAX)
     }
-
-    /// Returns the depths by which voxels count in means, and to which means are moved; `None` if neither is so.
-    fn depths_of_means(&self) -> Option<&CodeDepths> {
-        self.depths.as_ref().filter(|_| !self.is_labels)
-    }
 }
 
 /// Returns how much of a voxel is visible, of [`whole`] for all of it.
@@ -232,6 +228,35 @@ fn whole(channels: Channels) -> u64 {
         8 => 8,
         _ => u64::from(MOST_SHARE).pow(2),
     }
+}
+
+/// How much of a voxel is seen through its six neighbours.
+#[derive(Clone, Copy)]
+struct Seen {
+    /// Along its normal, from the side that is clearer; without a normal, through the clearest neighbour. 1 to 256.
+    front: u64,
+    /// Through all of them together: the area that the voxel shows. 1 to 1,531.
+    area: u64,
+}
+
+/// Factors on the depth of neighbours, as kernels are about two voxels wide, and as a view is seldom along the normal. Measured
+/// (docs/studies/levels.md).
+const FRONT: f64 = 1.3;
+const AREA: f64 = 2.0;
+
+/// Returns how much is seen through an optical depth, 0 to 255.
+#[inline]
+fn clear(depth: f64) -> u64 {
+    /// Depths are rounded down to parts of this.
+    const PARTS: f64 = 256.0;
+    /// From here on nothing is seen: 255 exp(-1,600 / 256) < 1/2.
+    const LAST: usize = 1_600;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    static CLEAR: LazyLock<[u8; LAST]> =
+        LazyLock::new(|| std::array::from_fn(|part| (255.0 * (-(part as f64) / PARTS).exp()).round() as u8));
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative; large depths saturate")]
+    let part = (PARTS * depth) as usize;
+    CLEAR.get(part).copied().unwrap_or(0).into()
 }
 
 /// The optical depth of each point of a box, of what is visible there, per reference length: 0 where no voxel is.
@@ -258,25 +283,32 @@ impl Depths {
         (at(2, z) * self.size[1] + at(1, y)) * self.size[0] + at(0, x)
     }
 
-    /// Returns how much of a voxel is seen through its six neighbours, 1 to 1,531. `lengths` are the spacings along the axes, in
-    /// parts of the length for which depths are.
-    ///
-    /// That is through the clearest of them, as a view sees a block from one side. Labels show by their area, so all are added up.
+    /// Returns how much of a voxel is seen. `normal` is its unit normal, 0 for none; `lengths` are the spacings along the axes, in parts
+    /// of the length for which depths are.
     #[inline]
-    fn seen(&self, place: [u32; 3], lengths: [f64; 3], is_labels: bool) -> u64 {
-        /// A neighbour is also seen through obliquely, and kernels are about two voxels wide. Measured
-        /// (docs/studies/levels.md); from 1.1 to 1.4 pictures are alike.
-        const SLANT: f64 = 1.15;
+    fn seen(&self, place: [u32; 3], normal: [f64; 3], lengths: [f64; 3]) -> Seen {
         let (at, row) = (self.index(place), self.size[0]);
         let strides = [1, row, row * self.size[1]];
+        // Of the neighbours at the low and at the high end of each axis.
         let depths = [0, 1, 2].map(|a| {
             let neighbours = [self.depths[at - strides[a]], self.depths[at + strides[a]]];
-            neighbours.map(|depth| lengths[a] * f64::from(depth) * (SLANT / 65_536.0))
+            neighbours.map(|depth| lengths[a] * (f64::from(depth) / 65_536.0))
         });
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-        let clear = |depth: f64| (255.0 * (-depth).exp()).round() as u64;
-        let depths = depths.into_iter().flatten();
-        1 + if is_labels { depths.map(clear).sum() } else { clear(depths.fold(f64::MAX, f64::min)) }
+        let area = depths.iter().flatten().map(|depth| clear(AREA * depth)).sum::<u64>();
+        let in_front = if normal == [0.0; 3] {
+            depths.iter().flatten().copied().fold(f64::MAX, f64::min)
+        } else {
+            // Behind a plane at a distance d, the way along an axis is d / |n|.
+            let along = |end: usize| -> f64 {
+                let weighted = normal.iter().zip(depths).map(|(n, depths)| {
+                    let faced = if *n < 0.0 { 1 - end } else { end };
+                    n.abs().powi(3) * depths[faced]
+                });
+                weighted.sum()
+            };
+            along(0).min(along(1))
+        };
+        Seen { front: 1 + clear(FRONT * in_front), area: 1 + area }
     }
 }
 
@@ -303,8 +335,8 @@ impl<'a> CoarserRows<'a> {
     ) -> CoarserRows<'a> {
         let dims = rows.dims();
         let dims = std::array::from_fn(|a| dims[a].div_ceil(factors[a]));
-        // Finite, as no depth times an infinite length would be no number.
-        let lengths = spacing.map(|spacing| (spacing / look.length).min(f64::MAX));
+        // Larger lengths are as opaque; infinite ones times no depth would be no numbers.
+        let lengths = spacing.map(|spacing| (spacing / look.length).min(1e6));
         CoarserRows { rows, factors, dims, look, lengths, threads }
     }
 
@@ -404,9 +436,9 @@ impl CoarserRows<'_> {
                     let high = usize::from(voxel.x & u16::from(self.factors[0] == 2));
                     let [up, back] = [place & 1, place >> 1].map(|end| u32::from(end == 1));
                     let at = [voxel.x.into(), low[1] + up, low[2] + back];
-                    let seen = depths.seen(at, self.lengths, self.look.is_labels);
-                    let depth = if self.look.is_labels { 0 } else { self.look.depth(&voxel.record) };
-                    block.add(high + 2 * place, &voxel.record, channels, seen, depth);
+                    let normal = unit_normal(voxel.record.normal, channels.normal_bits);
+                    let seen = depths.seen(at, normal, self.lengths);
+                    block.add(high + 2 * place, &voxel.record, normal, channels, seen, self.look.depth(&voxel.record));
                     *row = rest;
                 }
             }
@@ -438,16 +470,19 @@ struct Block {
 /// A voxel of a block.
 #[derive(Default, Clone, Copy)]
 struct BlockVoxel {
-    /// How much it counts in means, in proportion to the share that is visible, to what is seen of it, and to its depth.
-    counts: u64,
+    /// How much it counts for the label and the normal: in proportion to the area that it shows, the share that is visible, and its
+    /// depth.
+    area: u64,
     depth: u32,
+    /// Its unit normal; 0 for none.
+    normal: [f64; 3],
     record: Record,
 }
 
 impl Block {
     /// Adds a voxel at `place`: x + 2 y + 4 z, each 0 or 1. `seen` is how much of it is seen.
     #[inline]
-    fn add(&mut self, place: usize, record: &Record, channels: Channels, seen: u64, depth: u32) {
+    fn add(&mut self, place: usize, record: &Record, normal: [f64; 3], channels: Channels, seen: Seen, depth: u32) {
         let code = u64::from(record.coverage);
         let weight = weight(record, channels);
         let offsets = match channels.coverage_bits {
@@ -462,8 +497,8 @@ impl Block {
             *ends += if is_high { weight.cast_signed() } else { -weight.cast_signed() };
             *moment += offset;
         }
-        let counts = weight * seen * u64::from(1 + depth / 1024);
-        self.voxels[self.count] = BlockVoxel { counts, depth, record: *record };
+        let [counts, area] = [seen.front, seen.area].map(|seen| weight * seen * u64::from(1 + depth / 1024));
+        self.voxels[self.count] = BlockVoxel { area, depth, normal, record: *record };
         self.count += 1;
         self.weight += weight;
         self.depth += weight * u64::from(depth);
@@ -476,9 +511,13 @@ impl Block {
     fn record(&self, channels: Channels, look: &LevelLook) -> Record {
         let means = [self.value, self.magnitude]
             .map(|sum| u16::try_from((2 * sum + self.counts) / (2 * self.counts)).unwrap_or(u16::MAX));
-        let [value, magnitude] = look.depths_of_means().map_or(means, |depths| self.as_opaque(means, depths));
+        let [value, magnitude] = match &look.depths {
+            _ if look.is_labels => [self.label(), means[1]],
+            Some(depths) => self.as_opaque(means, depths),
+            None => means,
+        };
         Record {
-            value: if look.is_labels { self.label() } else { value },
+            value,
             normal: self.normal(channels.normal_bits),
             magnitude: u8::try_from(magnitude).unwrap_or(u8::MAX),
             coverage: if channels.coverage_bits == 0 { self.point_mask() } else { self.word(channels) },
@@ -550,7 +589,7 @@ impl Block {
     /// Returns the value code with the largest weight in all; of equals the lowest.
     fn label(&self) -> u16 {
         let weight_of = |code: u16| -> u64 {
-            self.stored().iter().filter(|voxel| voxel.record.value == code).map(|voxel| voxel.counts).sum()
+            self.stored().iter().filter(|voxel| voxel.record.value == code).map(|voxel| voxel.area).sum()
         };
         let codes = self.stored().iter().map(|voxel| voxel.record.value);
         codes.max_by_key(|&code| (weight_of(code), std::cmp::Reverse(code))).unwrap_or(0)
@@ -562,24 +601,18 @@ impl Block {
     /// Lighting is two-sided, and the sides of a thin wall have opposite normals: each counts with the sign with which it
     /// is on the side of the voxel that counts most.
     fn normal(&self, bits: u8) -> u32 {
-        let decode = |code: u32| match bits {
-            8 => normal::decode8(low_half(code)),
-            _ => normal::decode16(code),
-        };
-        let most = self.stored().iter().map(|voxel| voxel.counts).max();
-        let first = self.stored().iter().find(|voxel| Some(voxel.counts) == most).filter(|_| bits > 0);
-        let Some(BlockVoxel { record: first, .. }) = first else { return 0 };
-        let side = decode(first.normal).map(f64::from);
+        let most = self.stored().iter().map(|voxel| voxel.area).max();
+        let first = self.stored().iter().find(|voxel| Some(voxel.area) == most).filter(|_| bits > 0);
+        let Some(first) = first else { return 0 };
         let mut sum = [0.0f64; 3];
-        for BlockVoxel { counts, record, .. } in self.stored() {
-            let direction = decode(record.normal).map(f64::from);
-            let along: f64 = side.iter().zip(direction).map(|(side, direction)| side * direction).sum();
-            #[expect(clippy::cast_precision_loss, reason = "at most 33 bits")]
-            let factor = *counts as f64 * if along < 0.0 { -1.0 } else { 1.0 };
-            sum = [0, 1, 2].map(|axis| sum[axis] + factor * direction[axis]);
+        for BlockVoxel { area, normal, .. } in self.stored() {
+            let along: f64 = first.normal.iter().zip(normal).map(|(side, normal)| side * normal).sum();
+            #[expect(clippy::cast_precision_loss, reason = "at most 35 bits")]
+            let factor = *area as f64 * if along < 0.0 { -1.0 } else { 1.0 };
+            sum = [0, 1, 2].map(|axis| sum[axis] + factor * normal[axis]);
         }
         if sum == [0.0; 3] {
-            return first.normal;
+            return first.record.normal;
         }
         // A code stands for the direction opposite to a gradient.
         let gradient = sum.map(|component| -component);
@@ -587,7 +620,14 @@ impl Block {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "a normal of 2 x 8 bits has a code of 16 bits")]
-fn low_half(code: u32) -> u16 {
-    code as u16
+/// Returns the normal of a code of twice so many bits; 0 for none.
+#[inline]
+fn unit_normal(code: u32, bits: u8) -> [f64; 3] {
+    #[expect(clippy::cast_possible_truncation, reason = "a normal of 2 x 8 bits has a code of 16 bits")]
+    let normal = match bits {
+        0 => [0.0; 3],
+        8 => normal::decode8(code as u16),
+        _ => normal::decode16(code),
+    };
+    normal.map(f64::from)
 }

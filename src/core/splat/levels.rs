@@ -139,7 +139,7 @@ pub fn level_settings(settings: &Settings, grid: &Grid, level: &Grid) -> Setting
 /// The aim is 38 dB from level 0 at [`Quality::Standard`] and 30 dB at [`Quality::Draft`], in the worst of six views. The sets
 /// of docs/studies/levels.md keep it with these numbers; finer waves than theirs have less. What each comes from:
 ///
-/// * Standard, level 1: an MR head has 38.3 dB at 0.54 pixels, and fewer from there on. The frog has 38.4 at 0.39.
+/// * Standard, level 1: an MR head has 38 dB at 0.54 pixels, and fewer from there on. The frog has 32.5 at 0.4 in some directions.
 /// * Standard, level 2: engine has 36.3 dB at 0.25 pixels. At 0.125 the pictures of all sets have fewer than 32 pixels a side, and
 ///   level 0 itself has 34 to 42 dB there.
 /// * Draft, level 1: frog has 32.7 dB at 0.87 pixels. Level 2: mr has 32.5 dB at 1.07 pixels. Level 3: engine has 31.2 dB at 0.72.
@@ -153,9 +153,8 @@ fn most_pixels(quality: Quality, level: usize, matter: Matter) -> f64 {
         (Quality::Draft, 3, Matter::Solid | Matter::ThinOrgans) => 0.7,
         (Quality::Draft, ..) => 0.25,
         (Quality::Standard, 1, Matter::Solid) => 0.54,
-        (Quality::Standard, 1, Matter::ThinOrgans) => 0.4,
-        (Quality::Standard, _, Matter::Solid | Matter::ThinOrgans) => 0.125,
-        (Quality::Standard, _, Matter::Thin) | (Quality::High | Quality::Reference, ..) => 0.0,
+        (Quality::Standard, _, Matter::Solid) => 0.125,
+        (Quality::Standard | Quality::High | Quality::Reference, ..) => 0.0,
     }
 }
 
