@@ -176,7 +176,7 @@ pub(crate) fn coarser(
         let has_normal = normal != [0.0; 3];
         let in_front = if has_normal { ways[0].min(ways[1]) } else { all.clone().fold(f64::MAX, f64::min) };
         let front = 1 + seen_through(1.3 * in_front);
-        let area = 1 + all.map(|depth| seen_through(2.0 * depth)).sum::<i128>();
+        let area = 1 + all.map(|depth| seen_through(4.0 * depth)).sum::<i128>();
         let covered = Covered::new(&record, channels);
         let dense = covered.share * (1 + look.depth(&record, channels) / 1024);
         let [x, y, z] = [0, 1, 2].map(|a| point[a] % factors[a]);

@@ -242,7 +242,7 @@ struct Seen {
 /// Factors on the depth of neighbours, as kernels are about two voxels wide, and as a view is seldom along the normal. Measured
 /// (docs/studies/levels.md).
 const FRONT: f64 = 1.3;
-const AREA: f64 = 2.0;
+const AREA: f64 = 4.0;
 
 /// Returns how much is seen through an optical depth, 0 to 255.
 #[inline]
