@@ -137,14 +137,14 @@ pub fn level_settings(settings: &Settings, grid: &Grid, level: &Grid) -> Setting
 /// Returns the most pixels that the longest edge of a voxel of `level` may have; 0 if the level is never drawn.
 ///
 /// The aim is 38 dB from level 0 at [`Quality::Standard`] and 30 dB at [`Quality::Draft`], in the worst of six views. The sets
-/// of docs/studies/levels.md keep it with these numbers; finer waves than theirs have less. What each comes from:
+/// of docs/studies/levels.md keep it with these numbers, but for one view of engine (28.6 dB at draft); finer waves have less. What each comes from:
 ///
 /// * Standard, level 1: an MR head has 38 dB at 0.54 pixels, and fewer from there on. The frog has 32.5 at 0.4 in some directions.
 /// * Standard, level 2: engine has 36.3 dB at 0.25 pixels. At 0.125 the pictures of all sets have fewer than 32 pixels a side, and
 ///   level 0 itself has 34 to 42 dB there.
 /// * Draft, level 1: frog has 32.7 dB at 0.87 pixels. Level 2: mr has 32.5 dB at 1.07 pixels. Level 3: engine has 31.2 dB at 0.72.
-/// * Thin matter at standard: level 1 of shells has 32 dB at 0.25 pixels.
-/// * Thin matter at draft: level 1 has 31.2 dB at 0.5 pixels (gyroid, shells). Level 2 has 30.7 at 0.25 (gyroid).
+/// * Thin matter at standard: level 1 of shells has 30.8 dB at 0.25 pixels.
+/// * Thin matter at draft: level 1 has 30.1 dB at 0.5 pixels (shells). Level 2 has 30.4 at 0.25 (gyroid).
 fn most_pixels(quality: Quality, level: usize, matter: Matter) -> f64 {
     match (quality, level, matter) {
         (_, 0, _) => f64::INFINITY,
