@@ -9,12 +9,12 @@
 //! Memory: the visible voxels of a few rows for each thread that reads.
 
 use std::collections::BTreeMap;
-use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
 use super::coverage::MOST_SHARE;
+use super::exposure::{Exposure, NeighbourDepths};
 use super::layout::{Channels, Facts, Scales, TILE_EDGE};
 use super::pack::Record;
 use super::rows::{Region, Rows, Voxel};
@@ -230,88 +230,6 @@ fn whole(channels: Channels) -> u64 {
     }
 }
 
-/// How much of a voxel is seen through its six neighbours.
-#[derive(Clone, Copy)]
-struct Seen {
-    /// Along its normal, from the side that is clearer; without a normal, through the clearest neighbour. 1 to 256.
-    front: u64,
-    /// Through all of them together: the area that the voxel shows. 1 to 1,531.
-    area: u64,
-}
-
-/// Factors on the depth of neighbours, as kernels are about two voxels wide, and as a view is seldom along the normal. Measured
-/// (docs/studies/levels.md).
-const FRONT: f64 = 1.3;
-const AREA: f64 = 4.0;
-
-/// Returns how much is seen through an optical depth, 0 to 255.
-#[inline]
-fn clear(depth: f64) -> u64 {
-    /// Depths are rounded down to parts of this.
-    const PARTS: f64 = 256.0;
-    /// From here on nothing is seen: 255 exp(-1,600 / 256) < 1/2.
-    const LAST: usize = 1_600;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-    static CLEAR: LazyLock<[u8; LAST]> =
-        LazyLock::new(|| std::array::from_fn(|part| (255.0 * (-(part as f64) / PARTS).exp()).round() as u8));
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative; large depths saturate")]
-    let part = (PARTS * depth) as usize;
-    CLEAR.get(part).copied().unwrap_or(0).into()
-}
-
-/// The optical depth of each point of a box, of what is visible there, per reference length: 0 where no voxel is.
-#[derive(Default)]
-struct Depths {
-    low: [u32; 3],
-    size: [usize; 3],
-    depths: Vec<u32>,
-}
-
-impl Depths {
-    /// Begins with the box of `region` and of one more point on each side, which may lie outside the grid.
-    fn begin(&mut self, region: &Region) {
-        self.low = region.low();
-        self.size = region.size().map(|points| points as usize + 2);
-        self.depths.clear();
-        self.depths.resize(self.size.iter().product(), 0);
-    }
-
-    /// Returns the index of a point of the box, whose lowest has coordinates of -1 beside the region's.
-    #[inline]
-    fn index(&self, [x, y, z]: [u32; 3]) -> usize {
-        let at = |a: usize, coordinate: u32| (coordinate + 1 - self.low[a]) as usize;
-        (at(2, z) * self.size[1] + at(1, y)) * self.size[0] + at(0, x)
-    }
-
-    /// Returns how much of a voxel is seen. `normal` is its unit normal, 0 for none; `lengths` are the spacings along the axes, in parts
-    /// of the length for which depths are.
-    #[inline]
-    fn seen(&self, place: [u32; 3], normal: [f64; 3], lengths: [f64; 3]) -> Seen {
-        let (at, row) = (self.index(place), self.size[0]);
-        let strides = [1, row, row * self.size[1]];
-        // Of the neighbours at the low and at the high end of each axis.
-        let depths = [0, 1, 2].map(|a| {
-            let neighbours = [self.depths[at - strides[a]], self.depths[at + strides[a]]];
-            neighbours.map(|depth| lengths[a] * (f64::from(depth) / 65_536.0))
-        });
-        let area = depths.iter().flatten().map(|depth| clear(AREA * depth)).sum::<u64>();
-        let in_front = if normal == [0.0; 3] {
-            depths.iter().flatten().copied().fold(f64::MAX, f64::min)
-        } else {
-            // Behind a plane at a distance d, the way along an axis is d / |n|.
-            let along = |end: usize| -> f64 {
-                let weighted = normal.iter().zip(depths).map(|(n, depths)| {
-                    let faced = if *n < 0.0 { 1 - end } else { end };
-                    n.abs().powi(3) * depths[faced]
-                });
-                weighted.sum()
-            };
-            along(0).min(along(1))
-        };
-        Seen { front: 1 + clear(FRONT * in_front), area: 1 + area }
-    }
-}
-
 /// The voxels of the level above some rows.
 pub struct CoarserRows<'a> {
     rows: &'a dyn Rows,
@@ -376,7 +294,7 @@ impl Rows for CoarserRows<'_> {
         let step = self.rows_at_once();
         let channels = self.rows.channels();
         let mut parts: Vec<Vec<Voxel>> = Vec::new();
-        let mut depths = Depths::default();
+        let mut depths = NeighbourDepths::default();
         let mut voxels = Vec::new();
         for z in region.zs.clone() {
             for first in region.ys.clone().step_by(step as usize) {
@@ -394,8 +312,8 @@ impl Rows for CoarserRows<'_> {
                 self.rows.read(around, &mut |y, z, part| {
                     let (y, z) = (u32::from(y), u32::from(z));
                     for voxel in part {
-                        let index = depths.index([voxel.x.into(), y, z]);
-                        depths.depths[index] = self.look.visible_depth(&voxel.record, channels);
+                        let depth = self.look.visible_depth(&voxel.record, channels);
+                        depths.set([voxel.x.into(), y, z], depth);
                     }
                     if below.ys.contains(&y) && below.zs.contains(&z) {
                         let inside = part.iter().filter(|voxel| below.xs.contains(&voxel.x.into()));
@@ -426,7 +344,7 @@ impl CoarserRows<'_> {
     /// Makes one row of the rows of the level below at the low and the high end of y, first at the low end of z.
     ///
     /// `low` has the lowest y and z of these.
-    fn merge(&self, mut rows: [&[Voxel]; 4], low: [u32; 3], depths: &Depths, voxels: &mut Vec<Voxel>) {
+    fn merge(&self, mut rows: [&[Voxel]; 4], low: [u32; 3], depths: &NeighbourDepths, voxels: &mut Vec<Voxel>) {
         let shift = self.factors[0] - 1;
         let channels = self.rows.channels();
         while let Some(x) = rows.iter().filter_map(|row| row.first()).map(|voxel| voxel.x >> shift).min() {
@@ -437,8 +355,9 @@ impl CoarserRows<'_> {
                     let [up, back] = [place & 1, place >> 1].map(|end| u32::from(end == 1));
                     let at = [voxel.x.into(), low[1] + up, low[2] + back];
                     let normal = unit_normal(voxel.record.normal, channels.normal_bits);
-                    let seen = depths.seen(at, normal, self.lengths);
-                    block.add(high + 2 * place, &voxel.record, normal, channels, seen, self.look.depth(&voxel.record));
+                    let exposure = depths.exposure(at, normal, self.lengths);
+                    let depth = self.look.depth(&voxel.record);
+                    block.add(high + 2 * place, &voxel.record, normal, channels, exposure, depth);
                     *row = rest;
                 }
             }
@@ -480,9 +399,17 @@ struct BlockVoxel {
 }
 
 impl Block {
-    /// Adds a voxel at `place`: x + 2 y + 4 z, each 0 or 1. `seen` is how much of it is seen.
+    /// Adds a voxel at `place`: x + 2 y + 4 z, each 0 or 1.
     #[inline]
-    fn add(&mut self, place: usize, record: &Record, normal: [f64; 3], channels: Channels, seen: Seen, depth: u32) {
+    fn add(
+        &mut self,
+        place: usize,
+        record: &Record,
+        normal: [f64; 3],
+        channels: Channels,
+        exposure: Exposure,
+        depth: u32,
+    ) {
         let code = u64::from(record.coverage);
         let weight = weight(record, channels);
         let offsets = match channels.coverage_bits {
@@ -497,7 +424,7 @@ impl Block {
             *ends += if is_high { weight.cast_signed() } else { -weight.cast_signed() };
             *moment += offset;
         }
-        let [counts, area] = [seen.front, seen.area].map(|seen| weight * seen * u64::from(1 + depth / 1024));
+        let [counts, area] = [exposure.front, exposure.area].map(|seen| weight * seen * u64::from(1 + depth / 1024));
         self.voxels[self.count] = BlockVoxel { area, depth, normal, record: *record };
         self.count += 1;
         self.weight += weight;

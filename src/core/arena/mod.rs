@@ -9,6 +9,7 @@ mod codes;
 pub(crate) mod coverage;
 mod curve;
 mod directory;
+mod exposure;
 pub(crate) mod lane;
 mod lane_rows;
 pub(crate) mod lanes;

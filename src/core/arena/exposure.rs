@@ -1,0 +1,97 @@
+//! How much of a voxel is seen through its six neighbours, by which it counts in the means of a level of detail.
+//!
+//! In: the optical depths of the voxels of a box. Out: for each voxel two numbers, one for what a view sees of it from one side,
+//! one for the area that it shows to all sides. `formats/adj-1.md`, section 13.3.
+
+use std::sync::LazyLock;
+
+use super::rows::Region;
+
+/// How much of a voxel is seen.
+#[derive(Clone, Copy)]
+pub(super) struct Exposure {
+    /// Along its normal, from the side that is clearer; without a normal, through the clearest neighbour. 1 to 256.
+    pub front: u64,
+    /// Through all of them together: the area that the voxel shows. 1 to 1,531.
+    pub area: u64,
+}
+
+/// Factors on the depth of neighbours, as kernels are about two voxels wide, and as a view is seldom along the normal. Measured
+/// (docs/studies/levels.md).
+const FRONT: f64 = 1.3;
+const AREA: f64 = 4.0;
+
+/// Returns how much is seen through an optical depth, 0 to 255.
+#[inline]
+fn clear(depth: f64) -> u64 {
+    /// Depths are rounded down to parts of this.
+    const PARTS: f64 = 256.0;
+    /// From here on nothing is seen: 255 exp(-1,600 / 256) < 1/2.
+    const LAST: usize = 1_600;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    static CLEAR: LazyLock<[u8; LAST]> =
+        LazyLock::new(|| std::array::from_fn(|part| (255.0 * (-(part as f64) / PARTS).exp()).round() as u8));
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative; large depths saturate")]
+    let part = (PARTS * depth) as usize;
+    CLEAR.get(part).copied().unwrap_or(0).into()
+}
+
+/// The optical depth of each point of a box, of what is visible there, per reference length, in parts of 65,536: 0 where no voxel is.
+#[derive(Default)]
+pub(super) struct NeighbourDepths {
+    low: [u32; 3],
+    size: [usize; 3],
+    depths: Vec<u32>,
+}
+
+impl NeighbourDepths {
+    /// Begins with the box of `region` and of one more point on each side, which may lie outside the grid.
+    pub(super) fn begin(&mut self, region: &Region) {
+        self.low = region.low();
+        self.size = region.size().map(|points| points as usize + 2);
+        self.depths.clear();
+        self.depths.resize(self.size.iter().product(), 0);
+    }
+
+    /// Sets the depth of a point of the box.
+    #[inline]
+    pub(super) fn set(&mut self, point: [u32; 3], depth: u32) {
+        let index = self.index(point);
+        self.depths[index] = depth;
+    }
+
+    /// Returns the index of a point of the box, whose lowest has coordinates of -1 beside the region's.
+    #[inline]
+    fn index(&self, [x, y, z]: [u32; 3]) -> usize {
+        let at = |a: usize, coordinate: u32| (coordinate + 1 - self.low[a]) as usize;
+        (at(2, z) * self.size[1] + at(1, y)) * self.size[0] + at(0, x)
+    }
+
+    /// Returns how much of a voxel is seen. `normal` is its unit normal, 0 for none; `lengths` are the spacings along the axes, in parts
+    /// of the length for which depths are.
+    #[inline]
+    pub(super) fn exposure(&self, place: [u32; 3], normal: [f64; 3], lengths: [f64; 3]) -> Exposure {
+        let (at, row) = (self.index(place), self.size[0]);
+        let strides = [1, row, row * self.size[1]];
+        // Of the neighbours at the low and at the high end of each axis.
+        let depths = [0, 1, 2].map(|a| {
+            let neighbours = [self.depths[at - strides[a]], self.depths[at + strides[a]]];
+            neighbours.map(|depth| lengths[a] * (f64::from(depth) / 65_536.0))
+        });
+        let area = depths.iter().flatten().map(|depth| clear(AREA * depth)).sum::<u64>();
+        let in_front = if normal == [0.0; 3] {
+            depths.iter().flatten().copied().fold(f64::MAX, f64::min)
+        } else {
+            // Behind a plane at a distance d, the way along an axis is d / |n|.
+            let along = |end: usize| -> f64 {
+                let weighted = normal.iter().zip(depths).map(|(n, depths)| {
+                    let faced = if *n < 0.0 { 1 - end } else { end };
+                    n.abs().powi(3) * depths[faced]
+                });
+                weighted.sum()
+            };
+            along(0).min(along(1))
+        };
+        Exposure { front: 1 + clear(FRONT * in_front), area: 1 + area }
+    }
+}
