@@ -16,8 +16,8 @@ pub(super) struct Exposure {
     pub area: u64,
 }
 
-/// Factors on the depth of neighbours, as kernels are about two voxels wide, and as a view is seldom along the normal. Measured
-/// (docs/studies/levels.md).
+/// What the depth of neighbours is multiplied by, for each of the two: kernels are about two voxels wide, and a view is seldom along
+/// the normal. Measured (docs/studies/levels.md).
 const FRONT: f64 = 1.3;
 const AREA: f64 = 4.0;
 
@@ -82,7 +82,8 @@ impl NeighbourDepths {
         let in_front = if normal == [0.0; 3] {
             depths.iter().flatten().copied().fold(f64::MAX, f64::min)
         } else {
-            // Behind a plane at a distance d, the way along an axis is d / |n|.
+            // A voxel at a distance d from a plane is d / |n| away from it along an axis, so |n| times the depth along an axis is that
+            // along the normal. The mean of the three, weighted by n^2, which adds up to 1:
             let along = |end: usize| -> f64 {
                 let weighted = normal.iter().zip(depths).map(|(n, depths)| {
                     let faced = if *n < 0.0 { 1 - end } else { end };

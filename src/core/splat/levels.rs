@@ -42,9 +42,11 @@ enum Matter {
 }
 
 impl Matter {
-    /// The largest crowding of solid matter, and in label maps also of thin organs.
+    /// The largest crowding of solid matter.
     const SOLID: f64 = 1.6;
+    /// The same in label maps.
     const SOLID_LABELS: f64 = 1.1;
+    /// The largest crowding of thin organs.
     const THIN_ORGANS: f64 = 1.3;
 
     /// Returns the matter of a scene that has levels.
@@ -137,7 +139,8 @@ pub fn level_settings(settings: &Settings, grid: &Grid, level: &Grid) -> Setting
 /// Returns the most pixels that the longest edge of a voxel of `level` may have; 0 if the level is never drawn.
 ///
 /// The aim is 38 dB from level 0 at [`Quality::Standard`] and 30 dB at [`Quality::Draft`], in the worst of six views. The sets
-/// of docs/studies/levels.md keep it with these numbers, but for one view of engine (28.6 dB at draft); finer waves have less. What each comes from:
+/// of docs/studies/levels.md keep it with these numbers, but for one view of engine (28.6 dB at draft); finer waves have less.
+/// What each comes from:
 ///
 /// * Standard, level 1: an MR head has 38 dB at 0.54 pixels, and fewer from there on. The frog has 32.5 at 0.4 in some directions.
 /// * Standard, level 2: engine has 36.3 dB at 0.25 pixels. At 0.125 the pictures of all sets have fewer than 32 pixels a side, and
