@@ -22,7 +22,8 @@ use criterion::{Criterion, Throughput};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Four bytes a record: what a shaded scene has.
-const CHANNELS: Channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0, coverage_bits: 0 };
+const CHANNELS: Channels =
+    Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0, coverage_bits: 0, coherence: false };
 
 /// A file, and what is in it.
 struct Content {

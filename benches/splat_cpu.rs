@@ -21,7 +21,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 fn block() -> (Facts, Vec<OwnedLane>, TransferFunction) {
     let side = if runs_once() { 24 } else { 96 };
     let grid = Grid::new([u64::from(side); 3], [1.0; 3]).expect("a grid");
-    let channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0, coverage_bits: 0 };
+    let channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0, coverage_bits: 0, coherence: false };
     let mut packer = LanePacker::new(Axis::X, grid.dims, channels, TileOrder::Morton);
     for z in 0..side {
         for y in 0..side {

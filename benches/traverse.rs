@@ -20,7 +20,8 @@ use adjsplat_tests::runs_once;
 use criterion::{BenchmarkId, Criterion, Throughput};
 
 /// One byte a voxel: what a walk reads does not depend on it.
-const CHANNELS: Channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0 };
+const CHANNELS: Channels =
+    Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0, coherence: false };
 
 /// A volume, dense and as lanes.
 struct Scene {

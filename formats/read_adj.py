@@ -9,6 +9,7 @@ As a module:
     arena.magnitudes(voxels.magnitude)
     arena.shares(voxels.coverage)     # how much of each voxel is visible, 0 to 1; coverage is None where all are whole
     arena.offsets(voxels.coverage)    # where: from the point, along x, y, z in spacings, n x 3
+    arena.coherences(voxels.normal)   # how alike the normals of a level's voxel are, and the share without one, n x 2
     arena.levels                      # coarser levels of detail, level 1 first: arenas too
 
 As a program:
@@ -16,7 +17,8 @@ As a program:
     read_adj.py --list FILE...          a line a voxel, by z, y, x: x y z value normal magnitude, and the coverage if
                                         the file stores any
     read_adj.py --decoded FILE...       the same with what codes mean: x y z value nx ny nz magnitude, and the share and
-                                        the offset along x, y, z if the file stores coverages
+                                        the offset along x, y, z if the file stores coverages, the
+                                        coherence if it has one
     read_adj.py --csv OUT FILE          the voxels of the x lane as text; --npz OUT as numpy arrays
     --lane x|y|z                        that lane only
     --level N                           that level of detail instead of the file's own voxels
@@ -105,6 +107,7 @@ class Arena:
         entries = [struct.unpack_from("<HBB", self.content, 256 + 32 * index) for index in range(count)]
         widths = [element for kind, _, element in entries if kind == COVERAGES]
         self.coverage_bits = 0 if not widths else 16 if widths[0] == 2 else 8
+        self.has_coherence = self.minor >= 2 and self.coverage_bits > 0 and self.normal_bits > 0
         for index in range(count):
             kind, axis, element, _, offset, length, xxh3 = struct.unpack_from("<HBBIQQQ", self.content, 256 + 32 * index)
             require(0 < kind < 8 or kind >= 0x8000, "R10", f"section kind {kind} is unknown")
@@ -262,6 +265,12 @@ class Arena:
             return np.stack([end.sum(axis=(-2, -1)) / (4 * count) for end in ends], axis=-1)
         return np.stack([(np.minimum(codes >> low & 7, 6) - 3) / 8 for low in (7, 10, 13)], axis=-1)
 
+    def coherences(self, codes):
+        """Normal codes as how alike the normals are that a voxel stands for, and the share of it that has none, n x 2."""
+        v = codes >> self.normal_bits
+        alike = np.array([1, 0.85, 0.6, 0.25])[codes & 1 | (v & 1) << 1]
+        return np.stack([alike, np.where(v & 2, 0.2, 0)], axis=-1)
+
     def normals(self, codes):
         """Normal codes as unit vectors along the grid's axes (times `direction`: world); zeros where there is none."""
         bits = self.normal_bits
@@ -340,11 +349,13 @@ def sorted_rows(voxels):
 
 
 def decoded_rows(arena, rows):
-    """Rows of x, y, z, value, the normal's three components, magnitude, and share and offset if there are coverages."""
+    """Rows of x, y, z, value, the normal's three components, magnitude; of share and offset if there are coverages; and of the
+    two numbers of the coherence."""
     place, (value, normal, magnitude, *coverage) = rows[:, :3], rows[:, 3:].T
+    coherence = [arena.coherences(normal)] if arena.has_coherence else []
     normals = arena.normals(normal) if arena.normal_bits else np.zeros((len(rows), 3))
     covered = [part(codes) for codes in coverage for part in (arena.shares, arena.offsets)]
-    return np.column_stack([place, arena.values(value), normals, arena.magnitudes(magnitude), *covered])
+    return np.column_stack([place, arena.values(value), normals, arena.magnitudes(magnitude), *covered, *coherence])
 
 
 def main():

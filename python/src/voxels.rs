@@ -167,14 +167,10 @@ pub(crate) fn read_normals(model: &Model, py: Python<'_>, mut out: PyReadwriteAr
     let out = out.as_chunks_mut::<3>().0;
     let count = out.len();
     let mut rows = out.iter_mut();
-    let decode = |code: u32| match bits {
-        8 => normal::decode8(u16::try_from(code).unwrap_or(normal::NONE8)),
-        _ => normal::decode16(code),
-    };
     let fill = || {
         model.each_voxel(|_, record| {
             if let Some(row) = rows.next() {
-                *row = grid.world_from_axes(decode(record.normal).map(f64::from)).map(f32::nearest);
+                *row = grid.world_from_axes(normal::decode(record.normal, bits).map(f64::from)).map(f32::nearest);
             }
         })
     };

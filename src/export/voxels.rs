@@ -98,11 +98,7 @@ impl<'a> StoredVoxels<'a> {
     /// Returns the unit normal of a record in the world; zero if it has none.
     pub(crate) fn normal(&self, record: Record) -> [f64; 3] {
         // Codes are along the grid's axes.
-        let along = match self.facts().channels.normal_bits {
-            0 => return [0.0; 3],
-            8 => normal::decode8(u16::try_from(record.normal).unwrap_or(normal::NONE8)),
-            _ => normal::decode16(record.normal),
-        };
+        let along = normal::decode(record.normal, self.facts().channels.normal_bits);
         DVec3::from_array(self.grid.world_from_axes(along.map(f64::from))).normalize_or_zero().to_array()
     }
 

@@ -164,7 +164,7 @@ fn place_and_shade(projector: &Projector, block: &mut Block, buffers: &mut Splat
                 (0..3).for_each(|a| normals[a][k] = block.normals[a][usize::from(j) % BLOCK]);
             }
         }
-        projector.light(lights, &normals, block, &splats.kept[..splats.count], &mut splats.looks);
+        projector.light(lights, (&normals, None), block, &splats.kept[..splats.count], &mut splats.looks);
     }
     block.count = 0;
     splats.count as u64

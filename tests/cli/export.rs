@@ -393,7 +393,7 @@ impl Rows for Sparse {
     }
 
     fn channels(&self) -> Channels {
-        Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0 }
+        Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0, coherence: false }
     }
 
     fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()> {
@@ -414,7 +414,7 @@ fn sparse(folder: &Folder, name: &str, depth: u16) {
     voxels.push([2047, 2047, depth - 1]);
     let facts = Facts {
         grid: Grid::new(dims.map(u64::from), [1.0; 3]).expect("a grid"),
-        channels: Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0 },
+        channels: Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0, coherence: false },
         tile_order: TileOrder::Rows,
         scales: Scales { value_low: 0.0, value_step: 1.0, magnitude_scale: 0.0 },
         visible_voxels: voxels.len() as u64,

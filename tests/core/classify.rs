@@ -5,7 +5,9 @@
 
 use adjsplat::classify::colour::linear_from_srgb;
 use adjsplat::classify::gradient::magnitude;
-use adjsplat::classify::normal::{NONE8, NONE16, decode8, decode16, encode8, encode16};
+use adjsplat::classify::normal::{
+    self, Coherence, NONE8, NONE16, decode, decode8, decode16, encode_coherent, encode8, encode16,
+};
 use adjsplat::classify::{
     Cap, Colour, Contour, Neighbourhood, PRESETS, Point, Quantiser, TransferFunction, UnlistedLabels,
 };
@@ -464,6 +466,31 @@ fn normals_are_within_the_stated_angles() {
     assert!(mean < 0.3152 && most < 0.6381, "2x8: mean {mean}, largest {most}");
     let (mean, most) = angles(2_000_000, |g| decode16(encode16(g)));
     assert!(mean < 0.001_23 && most < 0.002_48, "2x16: mean {mean}, largest {most}");
+}
+
+#[test]
+fn coherent_normals_are_within_the_stated_angles_and_keep_their_coherence() {
+    for (alike, bare) in [(1.0, 0.0), (0.93, 0.11), (0.7, 0.9), (0.4, 0.04), (-0.3, 0.3)] {
+        let wanted = Coherence { alike, bare };
+        // The nearest numbers.
+        let got = Coherence {
+            alike: [1.0, 0.85, 0.6, 0.25]
+                .into_iter()
+                .min_by(|a: &f32, b| (a - alike).abs().total_cmp(&(b - alike).abs()))
+                .unwrap(),
+            bare: if bare > 0.1 { 0.2 } else { 0.0 },
+        };
+        for (bits, most_mean, most_angle) in [(8, 0.97, 2.41), (16, 0.0038, 0.0094)] {
+            let (mean, most) = angles(200_000, |gradient| {
+                let code = encode_coherent(gradient, wanted, bits);
+                assert_eq!(Coherence::of_code(code, bits), got, "{code:#x}");
+                decode(code, bits)
+            });
+            assert!(mean < most_mean && most < most_angle, "{wanted:?}, 2x{bits}: mean {mean}, largest {most}");
+            let none = encode_coherent([0.0; 3], wanted, bits);
+            assert_eq!((none, Coherence::of_code(none, bits)), (normal::none(bits), Coherence::ONE));
+        }
+    }
 }
 
 #[test]

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use adjsplat::arena::layout::Scales;
 use adjsplat::arena::{Channels, Record, stored_opacity};
-use adjsplat::classify::{MagnitudeCodec, TransferFunction, normal};
+use adjsplat::classify::normal::{self, Coherence};
+use adjsplat::classify::{MagnitudeCodec, TransferFunction};
 use adjsplat::volume::Grid;
 use adjsplat_tests::random::Random;
 
@@ -37,7 +38,7 @@ pub(crate) fn coarser_channels(channels: Channels) -> Channels {
         0 => 8,
         _ => 16,
     };
-    Channels { coverage_bits, ..channels }
+    Channels { coverage_bits, coherence: channels.normal_bits > 0, ..channels }
 }
 
 /// Whether voxels may have this coverage.
@@ -103,12 +104,18 @@ fn seen_through(depth: f64) -> i128 {
 
 /// The unit normal of a voxel; 0 for none.
 fn normal_of(record: &Record, channels: Channels) -> [f64; 3] {
-    let normal = match channels.normal_bits {
-        0 => [0.0; 3],
-        8 => normal::decode8(u16::try_from(record.normal & 0xffff).unwrap()),
-        _ => normal::decode16(record.normal),
-    };
-    normal.map(f64::from)
+    normal::decode(record.normal, channels.normal_bits).map(f64::from)
+}
+
+/// How alike the normals are that a voxel stands for, and the share that has none.
+fn alike_and_bare(record: &Record, channels: Channels) -> [f64; 2] {
+    let Channels { normal_bits: bits, coherence, .. } = channels;
+    if normal_of(record, channels) == [0.0; 3] {
+        return [0.0, 1.0];
+    }
+    let (u, v) = (record.normal, record.normal >> bits);
+    let alike = [1.0f32, 0.85, 0.6, 0.25][(u % 2 + 2 * (v % 2)) as usize];
+    if coherence { [alike.into(), if v / 2 % 2 == 1 { 0.2f32.into() } else { 0.0 }] } else { [1.0, 0.0] }
 }
 
 /// What is visible of a voxel.
@@ -146,9 +153,10 @@ struct Member {
     at: [u32; 3],
     record: Record,
     covered: Covered,
-    /// How much it counts in means of values and magnitudes, and for labels and normals.
+    /// How much it counts in means of values and magnitudes, for labels, and for normals.
     weight: i128,
     area: i128,
+    lit: f64,
 }
 
 /// The voxels of the level above `voxels`, of whose points `factors` along each axis become one.
@@ -177,6 +185,7 @@ pub(crate) fn coarser(
         let in_front = if has_normal { ways[0].min(ways[1]) } else { all.clone().fold(f64::MAX, f64::min) };
         let front = 1 + seen_through(1.3 * in_front);
         let area = 1 + all.map(|depth| seen_through(4.0 * depth)).sum::<i128>();
+        let shown = if has_normal { area } else { 256 };
         let covered = Covered::new(&record, channels);
         let dense = covered.share * (1 + look.depth(&record, channels) / 1024);
         let [x, y, z] = [0, 1, 2].map(|a| point[a] % factors[a]);
@@ -187,6 +196,7 @@ pub(crate) fn coarser(
             covered,
             weight: dense * front,
             area: dense * area,
+            lit: (front as f64 * (front as f64 * shown as f64).sqrt()).sqrt() * dense as f64,
         });
     }
     blocks
@@ -257,22 +267,38 @@ fn mean(block: &[Member], channels: Channels, look: &Look) -> Record {
         let most = *sums.values().max().unwrap();
         value = sums.into_iter().find(|&(_, sum)| sum == most).unwrap().0;
     }
-    let most = block.iter().map(|member| member.area).max().unwrap();
-    let heaviest = block.iter().find(|member| member.area == most).unwrap().record;
-    let mut sum = [0.0f64; 3];
-    for Member { record, area, .. } in block {
-        // Those on the other side of the heaviest one count turned around.
-        let (this, other) = (normal_of(record, channels), normal_of(&heaviest, channels));
-        let is_behind = this[0] * other[0] + this[1] * other[1] + this[2] * other[2] < 0.0;
-        sum = std::array::from_fn(|a| sum[a] + *area as f64 * if is_behind { -this[a] } else { this[a] });
-    }
     let normal = match channels.normal_bits {
         0 => 0,
-        _ if sum == [0.0; 3] => heaviest.normal,
-        8 => normal::encode8(sum.map(|c| -c)).into(),
-        _ => normal::encode16(sum.map(|c| -c)),
+        bits => mean_normal(block, channels, bits),
     };
     Record { value, normal, magnitude: u8::try_from(magnitude).unwrap(), coverage: 0 }
+}
+
+/// The code of a block's normal.
+fn mean_normal(block: &[Member], channels: Channels, bits: u8) -> u32 {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let of = |member: &Member| normal_of(&member.record, channels);
+    let with_normal: Vec<&Member> = block.iter().filter(|member| of(member) != [0.0; 3]).collect();
+    let Some(most) = with_normal.iter().map(|member| member.lit).reduce(f64::max) else {
+        return [0x8080, 0x8000_8000][usize::from(bits == 16)];
+    };
+    let leading = of(with_normal.iter().find(|member| member.lit == most).unwrap());
+    let mut sum = [0.0f64; 3];
+    for member in block {
+        let [alike, bare] = alike_and_bare(&member.record, channels);
+        // Those on the other side of the leading one count turned around.
+        let factor = if dot(leading, of(member)) < 0.0 { -1.0 } else { 1.0 } * member.lit * (1.0 - bare) * alike;
+        sum = std::array::from_fn(|a| sum[a] + factor * of(member)[a]);
+    }
+    let length = dot(sum, sum).sqrt();
+    let parts = block.iter().map(|member| {
+        let [alike, bare] = alike_and_bare(&member.record, channels);
+        let along = 2.0 * (dot(sum, of(member)) / length).abs() - 1.0;
+        [member.lit * (1.0 - bare) * alike * along, member.lit * bare, member.lit]
+    });
+    let [alike, bare, all] = parts.fold([0.0; 3], |sums, parts| [0, 1, 2].map(|k| sums[k] + parts[k]));
+    let coherence = Coherence { alike: (alike / (all - bare)) as f32, bare: (bare / all) as f32 };
+    normal::encode_coherent(sum.map(|c| -c), coherence, bits)
 }
 
 /// The depth of the codes of a value and a magnitude, in parts of 65,536.

@@ -86,7 +86,7 @@ fn the_specification_and_the_library_agree_on_the_kinds_of_sections() {
     let kinds = table(&text, "## 4. Section table", "kind | name");
     let all = [SectionKind::Description].into_iter().chain(SectionKind::OF_LANES);
     assert_eq!(kinds.len(), all.clone().count());
-    let channels = Channels { value_bits: 16, normal_bits: 16, magnitude_bits: 8, coverage_bits: 8 };
+    let channels = Channels { value_bits: 16, normal_bits: 16, magnitude_bits: 8, coverage_bits: 8, coherence: false };
     for (row, kind) in kinds.iter().zip(all) {
         assert_eq!((&row[0], &row[1]), (&(kind as u16).to_string(), &kind.name().to_owned()));
         let on_no_lane = kind == SectionKind::Description;

@@ -18,13 +18,17 @@ use adjsplat_readers::open::{OpenOptions, open};
 use crate::files::real_volume;
 
 /// Values in 8 bits and nothing else.
-pub const PLAIN: Channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0 };
+pub const PLAIN: Channels =
+    Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0, coherence: false };
 /// Values and normals in 8 bits: what a build gives by default.
-pub const LIT: Channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0, coverage_bits: 0 };
+pub const LIT: Channels =
+    Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0, coverage_bits: 0, coherence: false };
 /// Every channel at its widest.
-pub const WIDE: Channels = Channels { value_bits: 16, normal_bits: 16, magnitude_bits: 8, coverage_bits: 0 };
+pub const WIDE: Channels =
+    Channels { value_bits: 16, normal_bits: 16, magnitude_bits: 8, coverage_bits: 0, coherence: false };
 /// Values and normals in 8 bits, and coverages: what a level of detail has.
-pub const COVERED: Channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0, coverage_bits: 8 };
+pub const COVERED: Channels =
+    Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0, coverage_bits: 8, coherence: false };
 
 /// A value is its code.
 pub const CODES: Scales = Scales { value_low: 0.0, value_step: 1.0, magnitude_scale: 1.0 };

@@ -79,7 +79,7 @@ pub(crate) fn with_subject<T>(
     normal_bits: u8,
     see: impl FnOnce(&Subject) -> T,
 ) -> T {
-    let channels = Channels { value_bits: 8, normal_bits, magnitude_bits: 0, coverage_bits: 0 };
+    let channels = Channels { value_bits: 8, normal_bits, magnitude_bits: 0, coverage_bits: 0, coherence: false };
     let mut packer = LanePacker::new(Axis::X, dims, channels, TileOrder::Morton);
     let mut line: Vec<VisibleVoxel> = Vec::new();
     let mut pack = |line: &mut Vec<VisibleVoxel>| {

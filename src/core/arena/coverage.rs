@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     fn channels(coverage_bits: u8) -> Channels {
-        Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits }
+        Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits, coherence: false }
     }
 
     #[test]

@@ -16,6 +16,19 @@ pub(super) struct Exposure {
     pub area: u64,
 }
 
+impl Exposure {
+    /// The area of a voxel of which one face is open.
+    pub(super) const ONE_FACE: u64 = 256;
+
+    /// Returns how much the voxel counts for the light of its block, if it shows the area `shown`. Measured (docs/studies/levels.md).
+    #[inline]
+    #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+    pub(super) fn lit(self, shown: u64) -> f64 {
+        let front = self.front as f64;
+        (front * (front * shown as f64).sqrt()).sqrt()
+    }
+}
+
 /// What the depth of neighbours is multiplied by, for each of the two: kernels are about two voxels wide, and a view is seldom along
 /// the normal. Measured (docs/studies/levels.md).
 const FRONT: f64 = 1.3;

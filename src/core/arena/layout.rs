@@ -33,6 +33,8 @@ pub const MAJOR: u16 = 1;
 /// Minor version of files that hold what version 1.0 does not know; others have 0. A higher minor version only adds section
 /// kinds that readers may skip.
 pub const MINOR: u16 = 1;
+/// Minor version of files whose voxels have coverages and normals with a coherence.
+pub const COHERENT_MINOR: u16 = 2;
 /// Sections start at multiples of this many bytes, so that each can be bound as a GPU storage buffer. The last section
 /// is padded too: uploads in words of four bytes may read past a section's end.
 pub const ALIGNMENT: u64 = 256;
@@ -53,7 +55,7 @@ pub struct FileHeader {
     pub magic: [u8; 8],
     /// Always [`MAJOR`]. R2.
     pub major: U16,
-    /// 0, [`MINOR`] or a higher minor version. R2.
+    /// 0, [`MINOR`], [`COHERENT_MINOR`] or a higher minor version. R2.
     pub minor: U16,
     /// Number of entries in the section table, at most [`MAX_SECTIONS`]. R5.
     pub section_count: U32,
@@ -306,6 +308,10 @@ pub struct Channels {
     /// section table tells.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub coverage_bits: u8,
+    /// Whether the lowest bits of normals are their coherence: how alike the normals are that a voxel of a level stands for. Not in
+    /// the header: true in files with coverages and normals from [`COHERENT_MINOR`] on.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub coherence: bool,
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
@@ -313,10 +319,15 @@ fn is_zero(bits: &u8) -> bool {
     *bits == 0
 }
 
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_false(flag: &bool) -> bool {
+    !flag
+}
+
 impl Channels {
     /// Returns how many bytes a step, a value, a normal, a magnitude and a coverage take.
     pub const fn widths(self) -> [usize; 5] {
-        let Channels { value_bits, normal_bits, magnitude_bits, coverage_bits } = self;
+        let Channels { value_bits, normal_bits, magnitude_bits, coverage_bits, .. } = self;
         [1, value_bits as usize / 8, normal_bits as usize / 4, magnitude_bits as usize / 8, coverage_bits as usize / 8]
     }
 

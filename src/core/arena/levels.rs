@@ -19,6 +19,7 @@ use super::layout::{Channels, Facts, Scales, TILE_EDGE};
 use super::pack::Record;
 use super::rows::{Region, Rows, Voxel};
 use super::visible::stored_depth;
+use crate::classify::normal::Coherence;
 use crate::classify::{MagnitudeCodec, TransferFunction, normal};
 use crate::error::Result;
 use crate::volume::Grid;
@@ -100,7 +101,7 @@ pub fn coarser(grid: &Grid) -> Option<(Grid, [u32; 3])> {
 
 /// Returns the channels of the level above one with these: level 1 has masks of the points below, coarser levels have words.
 fn channels_above(below: Channels) -> Channels {
-    Channels { coverage_bits: if below.coverage_bits == 0 { 8 } else { 16 }, ..below }
+    Channels { coverage_bits: if below.coverage_bits == 0 { 8 } else { 16 }, coherence: below.normal_bits > 0, ..below }
 }
 
 /// Returns the facts of the level above one with the facts `below`, still without voxels, and how many points along each
@@ -354,7 +355,7 @@ impl CoarserRows<'_> {
                     let high = usize::from(voxel.x & u16::from(self.factors[0] == 2));
                     let [up, back] = [place & 1, place >> 1].map(|end| u32::from(end == 1));
                     let at = [voxel.x.into(), low[1] + up, low[2] + back];
-                    let normal = unit_normal(voxel.record.normal, channels.normal_bits);
+                    let normal = normal::decode(voxel.record.normal, channels.normal_bits).map(f64::from);
                     let exposure = depths.exposure(at, normal, self.lengths);
                     let depth = self.look.depth(&voxel.record);
                     block.add(high + 2 * place, &voxel.record, normal, channels, exposure, depth);
@@ -389,12 +390,14 @@ struct Block {
 /// A voxel of a block.
 #[derive(Default, Clone, Copy)]
 struct BlockVoxel {
-    /// How much it counts for the label and the normal: in proportion to the area that it shows, the share that is visible, and its
-    /// depth.
+    /// How much it counts for the label: in proportion to the area that it shows, the share that is visible, and its depth.
     area: u64,
+    /// How much it counts for the normal.
+    lit: f64,
     depth: u32,
-    /// Its unit normal; 0 for none.
+    /// Its unit normal, 0 for none, and what it is lit as.
     normal: [f64; 3],
+    coherence: Coherence,
     record: Record,
 }
 
@@ -425,7 +428,15 @@ impl Block {
             *moment += offset;
         }
         let [counts, area] = [exposure.front, exposure.area].map(|seen| weight * seen * u64::from(1 + depth / 1024));
-        self.voxels[self.count] = BlockVoxel { area, depth, normal, record: *record };
+        let has_normal = normal != [0.0; 3];
+        let coherence = match channels.coherence {
+            _ if !has_normal => Coherence { alike: 0.0, bare: 1.0 },
+            true => Coherence::of_code(record.normal, channels.normal_bits),
+            false => Coherence::ONE,
+        };
+        let shown = if has_normal { exposure.area } else { Exposure::ONE_FACE };
+        let lit = exposure.lit(shown) * (weight * u64::from(1 + depth / 1024)) as f64;
+        self.voxels[self.count] = BlockVoxel { area, lit, depth, normal, coherence, record: *record };
         self.count += 1;
         self.weight += weight;
         self.depth += weight * u64::from(depth);
@@ -522,39 +533,35 @@ impl Block {
         codes.max_by_key(|&code| (weight_of(code), std::cmp::Reverse(code))).unwrap_or(0)
     }
 
-    /// Returns the code of the mean normal; that of the voxel that counts most, the first of equals, if the mean is no
-    /// direction.
+    /// Returns the code of the mean normal, and of how alike the normals are.
     ///
     /// Lighting is two-sided, and the sides of a thin wall have opposite normals: each counts with the sign with which it
     /// is on the side of the voxel that counts most.
     fn normal(&self, bits: u8) -> u32 {
-        let most = self.stored().iter().map(|voxel| voxel.area).max();
-        let first = self.stored().iter().find(|voxel| Some(voxel.area) == most).filter(|_| bits > 0);
-        let Some(first) = first else { return 0 };
-        let mut sum = [0.0f64; 3];
-        for BlockVoxel { area, normal, .. } in self.stored() {
-            let along: f64 = first.normal.iter().zip(normal).map(|(side, normal)| side * normal).sum();
-            #[expect(clippy::cast_precision_loss, reason = "at most 35 bits")]
-            let factor = *area as f64 * if along < 0.0 { -1.0 } else { 1.0 };
-            sum = [0, 1, 2].map(|axis| sum[axis] + factor * normal[axis]);
+        if bits == 0 {
+            return 0;
         }
-        if sum == [0.0; 3] {
-            return first.record.normal;
+        let with_normal = || self.stored().iter().filter(|voxel| voxel.normal != [0.0; 3]);
+        let most = with_normal().map(|voxel| voxel.lit).fold(0.0, f64::max);
+        let Some(first) = with_normal().find(|voxel| voxel.lit == most) else { return normal::none(bits) };
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let (mut mean, mut alike, mut bare, mut all) = ([0.0; 3], 0.0, 0.0, 0.0);
+        for BlockVoxel { lit, normal, coherence, .. } in self.stored() {
+            let side = if dot(first.normal, *normal) < 0.0 { -1.0 } else { 1.0 };
+            let factor = side * lit * (1.0 - f64::from(coherence.bare)) * f64::from(coherence.alike);
+            mean = [0, 1, 2].map(|axis| mean[axis] + factor * normal[axis]);
         }
+        let length = dot(mean, mean).sqrt();
+        for BlockVoxel { lit, normal, coherence, .. } in self.stored() {
+            // Along the mean 1, of normals of all directions 0: their cosines are 1/2 on average.
+            let along = 2.0 * (dot(mean, *normal) / length).abs() - 1.0;
+            alike += lit * (1.0 - f64::from(coherence.bare)) * f64::from(coherence.alike) * along;
+            bare += lit * f64::from(coherence.bare);
+            all += lit;
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "rounded to a few numbers")]
+        let coherence = Coherence { alike: (alike / (all - bare)) as f32, bare: (bare / all) as f32 };
         // A code stands for the direction opposite to a gradient.
-        let gradient = sum.map(|component| -component);
-        if bits == 8 { normal::encode8(gradient).into() } else { normal::encode16(gradient) }
+        normal::encode_coherent(mean.map(|component| -component), coherence, bits)
     }
-}
-
-/// Returns the normal of a code of twice so many bits; 0 for none.
-#[inline]
-fn unit_normal(code: u32, bits: u8) -> [f64; 3] {
-    #[expect(clippy::cast_possible_truncation, reason = "a normal of 2 x 8 bits has a code of 16 bits")]
-    let normal = match bits {
-        0 => [0.0; 3],
-        8 => normal::decode8(code as u16),
-        _ => normal::decode16(code),
-    };
-    normal.map(f64::from)
 }

@@ -16,8 +16,8 @@ use zerocopy::byteorder::little_endian::F64;
 use super::curve::TileOrder;
 use super::lane::{Elsewhere, Lane, LineEnds};
 use super::layout::{
-    ALIGNMENT, Channels, Facts, FileHeader, MAGIC, MAJOR, MAX_SECTIONS, OPTIONAL_KINDS, Scales, SectionEntry,
-    SectionKind, TILE_EDGE, TileRecord, aligned, header_checksum,
+    ALIGNMENT, COHERENT_MINOR, Channels, Facts, FileHeader, MAGIC, MAJOR, MAX_SECTIONS, OPTIONAL_KINDS, Scales,
+    SectionEntry, SectionKind, TILE_EDGE, TileRecord, aligned, header_checksum,
 };
 use super::levels::level_facts;
 use super::pager::{Pager, tell};
@@ -103,6 +103,7 @@ impl<'a> Head<'a> {
         let mut facts = facts_of(&header)?;
         if let Some(entry) = table.iter().find(|entry| entry.known_kind() == Some(SectionKind::Coverage)) {
             facts.channels.coverage_bits = if entry.element_bytes == 2 { 16 } else { 8 };
+            facts.channels.coherence = header.minor.get() >= COHERENT_MINOR && facts.channels.normal_bits > 0;
         }
         check_table(table, len, &facts)?;
         let head = Head { header, table, facts, checksum };
@@ -373,6 +374,7 @@ fn facts_of(header: &FileHeader) -> Result<Facts, FormatFault> {
         normal_bits: header.normal_bits,
         magnitude_bits: header.magnitude_bits,
         coverage_bits: 0,
+        coherence: false,
     };
     let allowed: [(u8, &[u8], u64); 3] = [
         (channels.value_bits, &[8, 16], at!(header.value_bits)),

@@ -14,7 +14,8 @@ use super::open::Arena;
 use super::pack::Record;
 use super::rows::{Region, Rows};
 use super::visible::{NOTICEABLE_OPACITY, VisibleCodes};
-use crate::classify::{Quantiser, TransferFunction, normal};
+use crate::classify::normal::{self, Coherence};
+use crate::classify::{Quantiser, TransferFunction};
 use crate::error::{Error, Result};
 use crate::volume::{Axis, Grid, SampleType};
 
@@ -121,15 +122,17 @@ pub fn trim<'a>(arena: &Arena<'a>, stored: Option<&TransferFunction>, options: &
         let why = format!("none of the {} visible voxels is to stay; keep more of them", old.visible_voxels);
         return Err(Error::input("nothing is left", why));
     }
+    let normal_bits = match old.channels.normal_bits {
+        _ if options.drop_normals => 0,
+        16 if options.narrow_normals => 8,
+        bits => bits,
+    };
     let channels = Channels {
         value_bits: if options.narrow_values { 8 } else { old.channels.value_bits },
-        normal_bits: match old.channels.normal_bits {
-            _ if options.drop_normals => 0,
-            16 if options.narrow_normals => 8,
-            bits => bits,
-        },
+        normal_bits,
         magnitude_bits: if options.drop_magnitudes { 0 } else { old.channels.magnitude_bits },
         coverage_bits: old.channels.coverage_bits,
+        coherence: old.channels.coherence && normal_bits > 0,
     };
     let mut scales = old.scales;
     if channels.magnitude_bits == 0 {
@@ -154,7 +157,7 @@ pub fn trim<'a>(arena: &Arena<'a>, stored: Option<&TransferFunction>, options: &
         let value = narrowing.map_or(record.value, |(quantiser, old)| quantiser.encode(old.value(record.value.into())));
         Some(Record {
             value,
-            normal: if narrow_normals { narrowed_normal(record.normal) } else { record.normal },
+            normal: if narrow_normals { narrowed_normal(record.normal, channels.coherence) } else { record.normal },
             ..record
         })
     };
@@ -226,8 +229,11 @@ fn blurred(rows: &dyn Rows, transfer: &TransferFunction, old: &Facts, quantiser:
 }
 
 /// Converts a normal code of 2x16 bits to 2x8 bits.
-fn narrowed_normal(code: u32) -> u32 {
+fn narrowed_normal(code: u32, has_coherence: bool) -> u32 {
     // A normal's code stands for the direction opposite to the gradient.
     let gradient = normal::decode16(code).map(|component| -f64::from(component));
+    if has_coherence {
+        return normal::encode_coherent(gradient, Coherence::of_code(code, 16), 8);
+    }
     normal::encode8(gradient).into()
 }

@@ -119,6 +119,7 @@ impl BuildOptions {
             normal_bits: self.normal_bits,
             magnitude_bits: if self.transfer.uses_gradient() { 8 } else { 0 },
             coverage_bits: 0,
+            coherence: false,
         }
     }
 

@@ -166,7 +166,7 @@ impl Manifest {
             self.description.get().len() as u64,
             limits.description_bytes,
         )?;
-        let Channels { value_bits, normal_bits, magnitude_bits, coverage_bits } = self.channels;
+        let Channels { value_bits, normal_bits, magnitude_bits, coverage_bits, .. } = self.channels;
         let is_known = [8, 16].contains(&value_bits)
             && [0, 8, 16].contains(&normal_bits)
             && [0, 8].contains(&magnitude_bits)

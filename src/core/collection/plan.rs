@@ -200,7 +200,8 @@ impl Plan {
 
     /// Returns facts of which only the grid is known.
     fn outline(&self) -> Facts {
-        let channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0 };
+        let channels =
+            Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0, coherence: false };
         let scales = Scales { value_low: 0.0, value_step: 0.0, magnitude_scale: 0.0 };
         let tile_order = self.options.tile_order;
         Facts { grid: self.grid.clone(), channels, scales, tile_order, visible_voxels: 0 }

@@ -295,7 +295,7 @@ fn write_sections(
 pub(super) fn header_with_checksum(facts: &Facts, table: &[SectionEntry], end: u64) -> FileHeader {
     let mut header = layout::header_of(facts);
     if table.iter().any(|entry| entry.kind.get() >= layout::OPTIONAL_KINDS) {
-        header.minor = U16::new(layout::MINOR);
+        header.minor = U16::new(if facts.channels.coherence { layout::COHERENT_MINOR } else { layout::MINOR });
     }
     header.section_count = U32::new(u32::try_from(table.len()).expect("at most 1,024 sections"));
     header.file_bytes = U64::new(aligned(end));

@@ -64,11 +64,11 @@ impl<'a> Voxels<'a> {
     /// If `index` is not below [`Voxels::len`].
     pub fn normal(&self, index: usize) -> Option<[f32; 3]> {
         let code = self.lane.normal_code(self.batch.record_index(index));
-        let along_axes = match self.facts.channels.normal_bits {
-            0 => return None,
-            8 => normal::decode8(u16::try_from(code).unwrap_or(u16::MAX)),
-            _ => normal::decode16(code),
-        };
+        let bits = self.facts.channels.normal_bits;
+        if bits == 0 {
+            return None;
+        }
+        let along_axes = normal::decode(code, bits);
         #[expect(clippy::cast_possible_truncation, reason = "components have single precision")]
         let single = |component: f64| component as f32;
         Some(self.facts.grid.world_from_axes(along_axes.map(f64::from)).map(single))

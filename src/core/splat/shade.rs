@@ -3,13 +3,15 @@
 //! In: a unit normal and a unit vector toward the eye, along the grid's axes. Out: a factor on the voxel's colour and a
 //! white highlight to add. Both sides of a surface are lit alike: cosines count without their sign, so that light is a
 //! continuous function of the normal. (If normals were turned toward the eye, light would jump where a normal is across
-//! the view, because rounding can turn it.) A voxel without a normal keeps its colour.
+//! the view, because rounding can turn it.) A voxel without a normal keeps its colour. A voxel of a level of detail stands for
+//! several normals: a share of its light is that of their mean, a share that of no normal; the rest is the mean over all directions.
 
 use serde::{Deserialize, Serialize};
 
 use super::arith::{at_least, keep_if};
 use super::require;
 use super::view::View;
+use crate::classify::normal::Coherence;
 use crate::error::Result;
 
 /// The light on voxels, and how they reflect it (Blinn-Phong). The light moves with the camera.
@@ -95,5 +97,15 @@ impl Lights {
         let has_normal = dot(normal, normal) > 0.5;
         let factor = ambient + diffuse * light_cosine;
         [1.0 + keep_if(has_normal, factor - 1.0), keep_if(has_normal, specular * power)]
+    }
+
+    /// Returns the factor and the highlight of a voxel that stands for several normals, from those of their mean.
+    #[inline(always)]
+    pub(crate) fn scatter(&self, [factor, highlight]: [f32; 2], Coherence { alike, bare }: Coherence) -> [f32; 2] {
+        let Lighting { ambient, diffuse, specular, shininess, .. } = self.lighting;
+        // The means over all directions of a cosine without its sign, and of a power of it.
+        let (cosine, power) = (0.5, 1.0 / (f32::from(shininess) + 1.0));
+        let (one, rest) = ((1.0 - bare) * alike, (1.0 - bare) * (1.0 - alike));
+        [one * factor + rest * (ambient + diffuse * cosine) + bare, one * highlight + rest * (specular * power)]
     }
 }

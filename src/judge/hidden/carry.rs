@@ -104,7 +104,8 @@ mod tests {
     #[test]
     fn a_set_reaches_the_same_voxels_in_every_lane() {
         let dims = [300u32, 21, 17];
-        let channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0 };
+        let channels =
+            Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0, coherence: false };
         let there = |x: u32, y: u32, z: u32| (x * 7 + y * 13 + z * 29).is_multiple_of(5) || (x == 299 && y < 3);
         let chosen = |[x, y, z]: [u32; 3]| (x + 3 * y + 5 * z).is_multiple_of(3);
         let mut packer = LanePacker::new(Axis::X, dims, channels, TileOrder::Hilbert);

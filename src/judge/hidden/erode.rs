@@ -126,7 +126,8 @@ mod tests {
     #[test]
     fn what_stays_has_all_its_neighbours() {
         let dims = [21u32, 19, 27];
-        let channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0 };
+        let channels =
+            Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0, coherence: false };
         let there = |[x, y, z]: [i32; 3]| (x * 7 + y * 13 + z * 29) % 97 != 0;
         let chosen = |[x, y, z]: [i32; 3]| (x * 5 + y * 3 + z * 11) % 89 != 0;
         let mut packer = LanePacker::new(Axis::X, dims, channels, TileOrder::Morton);

@@ -83,7 +83,10 @@ fn random_model(random: &mut Random) -> VoxelMap {
         normal_bits: [0, 8, 16][random.index(3)],
         magnitude_bits: [0, 8][random.index(2)],
         coverage_bits: [0, 0, 8, 16][random.index(4)],
+        coherence: false,
     };
+    let coherence = channels.coverage_bits > 0 && channels.normal_bits > 0 && random.below(2) == 1;
+    let channels = Channels { coherence, ..channels };
     let order = TileOrder::from_code(random.below(3) as u8).expect("there are three");
     let mut model = VoxelMap::new(dims, channels, order);
     let spacings = [[1.0; 3], [0.7, 0.7, 2.0], [1.0, 1.5, 1.3], [3.0, 1.0, 1.0], [1.0, 2f64.sqrt(), 5.0]];
@@ -194,7 +197,7 @@ fn the_first_bytes_of_a_file_are_its_coarsest_level() {
 
 /// Cubes of `edge` points of which every `every`-th point is visible.
 fn cube(edge: u32, every: u32) -> VoxelMap {
-    let channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0 };
+    let channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0, coherence: false };
     let mut model = VoxelMap::new([edge; 3], channels, TileOrder::Morton);
     model.facts.grid.spacing = [1.0; 3];
     for (x, y, z) in (0..edge).flat_map(|z| (0..edge).flat_map(move |y| (0..edge).map(move |x| (x, y, z)))) {
@@ -264,7 +267,7 @@ fn a_solid_is_wholly_covered_but_for_its_end() {
 /// Of an opaque wall the voxels on its faces are seen, and no other: a picture shows their values.
 #[test]
 fn values_behind_others_do_not_darken_a_level() {
-    let channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0 };
+    let channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0, coverage_bits: 0, coherence: false };
     let mut model = VoxelMap::new([8, 8, 4], channels, TileOrder::Morton);
     model.facts.grid.spacing = [1.0; 3];
     for (x, y, z) in (0..4).flat_map(|z| (0..8).flat_map(move |y| (0..8).map(move |x| (x, y, z)))) {

@@ -4,7 +4,7 @@ use std::process::{Command, Output};
 
 use adjsplat::arena::{Arena, Coverage};
 use adjsplat::classify::MagnitudeCodec;
-use adjsplat::classify::normal::{decode8, decode16};
+use adjsplat::classify::normal::{self, Coherence};
 use adjsplat::volume::Axis;
 use adjsplat_tests::skipped;
 
@@ -69,8 +69,14 @@ fn the_python_reader_sees_every_level_as_the_library_does() {
 
 #[test]
 fn the_python_reader_decodes_codes_as_the_library_does() {
-    let names =
-        ["all-channels.adj", "bytes-and-normals.adj", "magnitudes-only.adj", "coverage.adj", "coverage-words.adj"];
+    let names = [
+        "all-channels.adj",
+        "bytes-and-normals.adj",
+        "magnitudes-only.adj",
+        "coverage.adj",
+        "coverage-words.adj",
+        "coherence.adj",
+    ];
     let Some(output) = read_adj(&[&["--decoded", "--lane", "x"], &names[..]].concat()) else { return };
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let got = String::from_utf8(output.stdout).unwrap();
@@ -81,11 +87,7 @@ fn the_python_reader_decodes_codes_as_the_library_does() {
         let mut voxels = scene.voxels.clone();
         voxels.sort_by_key(|&([x, y, z], _)| [z, y, x]);
         for (at, record) in voxels {
-            let normal = match scene.channels.normal_bits {
-                0 => [0.0; 3],
-                8 => decode8(u16::try_from(record.normal).unwrap()),
-                _ => decode16(record.normal),
-            };
+            let normal = normal::decode(record.normal, scene.channels.normal_bits);
             let value = facts.scales.value_low + f64::from(record.value) * facts.scales.value_step;
             let expected = at.map(f64::from).into_iter().chain([value]).chain(normal.map(f64::from));
             let magnitude = magnitudes.decode(record.magnitude);
@@ -93,7 +95,10 @@ fn the_python_reader_decodes_codes_as_the_library_does() {
             let Coverage { share, offset } = Coverage::of_code(record.coverage, scene.channels);
             let coverage = [[share, offset[0], offset[1], offset[2]]].into_iter().flatten().map(f64::from);
             let has_coverages = scene.channels.coverage_bits > 0;
-            let expected: Vec<f64> = expected.chain([magnitude]).chain(coverage.filter(|_| has_coverages)).collect();
+            let Coherence { alike, bare } = Coherence::of_code(record.normal, scene.channels.normal_bits);
+            let coherence = [alike, bare].into_iter().map(f64::from).filter(|_| scene.channels.coherence);
+            let expected = expected.chain([magnitude]).chain(coverage.filter(|_| has_coverages)).chain(coherence);
+            let expected: Vec<f64> = expected.collect();
             let numbers: Vec<f64> = numbers.collect();
             assert_eq!(numbers.len(), expected.len());
             for (got, expected) in numbers.into_iter().zip(expected) {

@@ -59,9 +59,11 @@ impl Scene {
             let voxels = below.voxels.iter().map(|&(at, record)| (at.map(u32::from), record)).collect();
             let voxels = coarser(&voxels, below.channels, below.facts().grid.spacing, factors, &look);
             let narrow = |at: [u32; 3]| at.map(|c| u16::try_from(c).unwrap());
+            let channels = coarser_channels(below.channels);
             scenes.push(Scene {
+                minor: if channels.coherence { 2 } else { 1 },
                 dims: grid.dims,
-                channels: coarser_channels(below.channels),
+                channels,
                 voxels: voxels.into_iter().map(|(at, record)| (narrow(at), record)).collect(),
                 description: Some("{}".to_owned()),
                 extra: Vec::new(),
@@ -75,7 +77,7 @@ impl Scene {
 }
 
 fn channels(value_bits: u8, normal_bits: u8, magnitude_bits: u8) -> Channels {
-    Channels { value_bits, normal_bits, magnitude_bits, coverage_bits: 0 }
+    Channels { value_bits, normal_bits, magnitude_bits, coverage_bits: 0, coherence: false }
 }
 
 fn scene(name: &'static str, dims: [u32; 3], channels: Channels, lanes: usize, voxels: Vec<Voxel>) -> Scene {
@@ -152,6 +154,7 @@ pub(crate) fn scenes() -> Vec<Scene> {
     let narrow = channels(8, 8, 0);
     let covered = Channels { coverage_bits: 8, ..channels(8, 0, 0) };
     let words = Channels { coverage_bits: 16, ..covered };
+    let coherent = Channels { coverage_bits: 16, coherence: true, ..narrow };
     let few_labels = scattered(11, [8, 4, 4], covered, 70)
         .into_iter()
         .map(|(at, record)| (at, Record { value: record.value % 3 + 1, ..record }))
@@ -190,6 +193,7 @@ pub(crate) fn scenes() -> Vec<Scene> {
         // A level of detail by itself: voxels that are partly visible, by masks as level 1 has and by words as others have.
         Scene { minor: 1, ..scene("coverage.adj", [9, 8, 7], covered, 2, scattered(8, [9, 8, 7], covered, 50)) },
         Scene { minor: 1, ..scene("coverage-words.adj", [9, 8, 7], words, 2, scattered(12, [9, 8, 7], words, 50)) },
+        Scene { minor: 2, ..scene("coherence.adj", [9, 8, 7], coherent, 1, scattered(13, [9, 8, 7], coherent, 50)) },
         // Coarser levels. Of an axis with a small spacing more points become one; an odd number of points has a last block
         // that is not whole.
         Scene {

@@ -169,7 +169,7 @@ proptest! {
     #[test]
     fn a_derived_lane_is_the_packed_one_byte_for_byte(volume in a_volume(), curve in 0u8..3) {
         let tile_order = TileOrder::from_code(curve).expect("there are three");
-        for channels in [PLAIN, WIDE, Channels { value_bits: 16, normal_bits: 8, magnitude_bits: 0, coverage_bits: 0 }] {
+        for channels in [PLAIN, WIDE, Channels { value_bits: 16, normal_bits: 8, magnitude_bits: 0, coverage_bits: 0, coherence: false }] {
             let x_lane = volume.pack(Axis::X, channels, tile_order);
             for axis in [Axis::Y, Axis::Z] {
                 let derived = transpose(&x_lane.view(), axis, tile_order);

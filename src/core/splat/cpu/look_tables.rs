@@ -11,7 +11,7 @@ use super::project::{Projector, limited};
 use super::raster::BLOCK;
 use super::voxel_block::VoxelBlock;
 use crate::arena::{Coverage, Lane};
-use crate::classify::normal;
+use crate::classify::normal::{self, Coherence};
 use crate::splat::composite::Look;
 use crate::splat::shade::Lights;
 use crate::splat::view::PixelMap;
@@ -44,7 +44,7 @@ impl LookTables {
         let light = projector.lights.as_ref().map(|lights| {
             let light = vec![[0.0; 2]; 1 << 16].into_boxed_slice();
             let mut light: Box<[_; 1 << 16]> = light.try_into().expect("as many as were asked for");
-            light_of_codes(lights, &mut light);
+            light_of_codes(lights, channels.coherence, &mut light);
             light
         });
         Some(LookTables { looks, light })
@@ -103,7 +103,7 @@ impl LookTables {
 
 /// Computes the light of each normal code.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn light_of_codes(lights: &Lights, light: &mut [[f32; 2]; 1 << 16]) {
+fn light_of_codes(lights: &Lights, has_coherence: bool, light: &mut [[f32; 2]; 1 << 16]) {
     // Local arrays, which the compiler knows not to overlap with others, are computed with vector instructions.
     const LANES: usize = 16;
     let lights = *lights;
@@ -114,7 +114,9 @@ fn light_of_codes(lights: &Lights, light: &mut [[f32; 2]; 1 << 16]) {
             [factors[k], highlights[k]] = lights.shade(normal::decode8(code as u16), lights.eye);
         }
         for k in 0..LANES {
-            light[k] = [factors[k], highlights[k]];
+            let code = first + k as u32;
+            let shade = [factors[k], highlights[k]];
+            light[k] = if has_coherence { lights.scatter(shade, Coherence::of_code(code, 8)) } else { shade };
         }
     }
 }

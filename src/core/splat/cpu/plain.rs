@@ -12,7 +12,8 @@ use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pix
 use super::raster::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, full_rect};
 use super::tile_buffer::{Rect, TILE, TileBuffer};
-use crate::classify::normal;
+use crate::arena::layout::Channels;
+use crate::classify::normal::{self, Coherence};
 use crate::error::Result;
 use crate::splat::arith::at_least;
 use crate::splat::kernel::{Ellipse, footprint};
@@ -301,8 +302,8 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize,
 fn lit_colour(projector: &Projector, voxel: [u16; 3], record: usize, colour: [f32; 3]) -> [f32; 3] {
     let Some(lights) = &projector.lights else { return colour };
     let code = projector.lane.normal_code(record);
-    let normal =
-        if projector.lane.channels.normal_bits == 8 { normal::decode8(code as u16) } else { normal::decode16(code) };
+    let Channels { normal_bits, coherence: has_coherence, .. } = projector.lane.channels;
+    let normal = normal::decode(code, normal_bits);
     let eye = match projector.map {
         PixelMap::Parallel { .. } => lights.eye,
         PixelMap::Perspective { .. } => {
@@ -312,6 +313,8 @@ fn lit_colour(projector: &Projector, voxel: [u16; 3], record: usize, colour: [f3
             toward.map(|c| c / length)
         }
     };
-    let [factor, highlight] = lights.shade(normal, eye);
+    let shade = lights.shade(normal, eye);
+    let [factor, highlight] =
+        if has_coherence { lights.scatter(shade, Coherence::of_code(code, normal_bits)) } else { shade };
     colour.map(|c| c * factor + highlight)
 }

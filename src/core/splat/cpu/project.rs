@@ -14,9 +14,10 @@
 use super::raster::{BLOCK, Extents, Splats};
 use super::tile_buffer::{Rect, TileBuffer};
 use super::voxel_block::{Coordinates, Displaced, VoxelBlock};
+use crate::arena::layout::Channels;
 use crate::arena::visible::MAX_DEPTH;
 use crate::arena::{Coverage, Lane};
-use crate::classify::normal;
+use crate::classify::normal::{self, Coherence};
 use crate::splat::arith::{LOG2_E, at_least, at_most, keep_if};
 use crate::splat::block_kernel::{SHAPES, Widths, shape};
 use crate::splat::clip::{ClipRegion, IndexPlane};
@@ -377,8 +378,11 @@ impl<'a> Projector<'a> {
             };
         }
         if let Some(lights) = &self.lights {
-            let normals = self.normals(voxels, kept);
-            self.light(lights, &normals, &voxels.positions, kept, looks);
+            let Channels { normal_bits, coherence, .. } = self.lane.channels;
+            let codes = self.normal_codes(voxels, kept);
+            let normals = self.normals(&codes, kept.len());
+            let coherences = coherence.then(|| codes.map(|code| Coherence::of_code(code, normal_bits)));
+            self.light(lights, (&normals, coherences.as_ref()), &voxels.positions, kept, looks);
         }
     }
 
@@ -408,16 +412,24 @@ impl<'a> Projector<'a> {
         [red, green, blue, depth * self.lane.coverage(record).share]
     }
 
-    /// Returns the x, y and z components of the kept voxels' unit normals.
+    /// Returns the codes of the kept voxels' normals.
     #[inline(always)]
-    fn normals(&self, voxels: &VoxelBlock, kept: &[u8]) -> [[f32; BLOCK]; 3] {
+    fn normal_codes(&self, voxels: &VoxelBlock, kept: &[u8]) -> [u32; BLOCK] {
         let mut codes = [0u32; BLOCK];
+        let is_short = self.lane.channels.normal_bits == 8;
+        for (code, &j) in codes.iter_mut().zip(kept) {
+            let record = voxels.records[usize::from(j) % BLOCK];
+            *code = if is_short { self.short_normal(record).into() } else { self.lane.normal_code(record) };
+        }
+        codes
+    }
+
+    /// Returns the x, y and z components of the unit normals of the first `count` codes.
+    #[inline(always)]
+    fn normals(&self, codes: &[u32; BLOCK], count: usize) -> [[f32; BLOCK]; 3] {
         let mut normals = [[0.0f32; BLOCK]; 3];
         if self.lane.channels.normal_bits == 8 {
-            for (code, &j) in codes.iter_mut().zip(kept) {
-                *code = self.short_normal(voxels.records[usize::from(j) % BLOCK]).into();
-            }
-            for from in (0..kept.len().min(BLOCK)).step_by(LANES) {
+            for from in (0..count.min(BLOCK)).step_by(LANES) {
                 let mut parts = [[0.0; LANES]; 3];
                 for k in 0..LANES {
                     [parts[0][k], parts[1][k], parts[2][k]] = normal::decode8(codes[from + k] as u16);
@@ -427,9 +439,6 @@ impl<'a> Projector<'a> {
                 }
             }
         } else {
-            for (code, &j) in codes.iter_mut().zip(kept) {
-                *code = self.lane.normal_code(voxels.records[usize::from(j) % BLOCK]);
-            }
             for k in 0..BLOCK {
                 [normals[0][k], normals[1][k], normals[2][k]] = normal::decode16(codes[k]);
             }
@@ -437,12 +446,13 @@ impl<'a> Projector<'a> {
         normals
     }
 
-    /// Applies the light to the colours of the voxels whose numbers are in `kept`, by their normals.
+    /// Applies the light to the colours of the voxels whose numbers are in `kept`, by their unit normals and by how alike the normals
+    /// are that each stands for.
     #[inline(always)]
     pub fn light<C: Coordinates>(
         &self,
         lights: &Lights,
-        normals: &[[f32; BLOCK]; 3],
+        (normals, coherences): (&[[f32; BLOCK]; 3], Option<&[Coherence; BLOCK]>),
         positions: &C,
         kept: &[u8],
         looks: &mut [Look],
@@ -475,6 +485,11 @@ impl<'a> Projector<'a> {
                 let length = at_least(x * x + y * y + z * z, f32::MIN_POSITIVE).sqrt();
                 let normal = [normals[0][k], normals[1][k], normals[2][k]];
                 [shades[0][k], shades[1][k]] = lights.shade(normal, [x / length, y / length, z / length]);
+            }
+        }
+        if let Some(coherences) = coherences {
+            for (k, &coherence) in coherences.iter().enumerate() {
+                [shades[0][k], shades[1][k]] = lights.scatter([shades[0][k], shades[1][k]], coherence);
             }
         }
         for (look, k) in looks.iter_mut().zip(0..count) {

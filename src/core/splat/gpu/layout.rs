@@ -208,7 +208,7 @@ impl FrameUniform {
         if let Some(lights) = &shot.lights {
             uniform.light = padded(lights.light);
             let Lighting { ambient, diffuse, specular, shininess, .. } = lights.lighting;
-            uniform.light_weights = [ambient, diffuse, specular, 0.0];
+            uniform.light_weights = [ambient, diffuse, specular, f32::from(channels.coherence)];
             uniform.shininess = shininess.into();
         }
         (uniform.sigma, uniform.cut_off, uniform.cut_exponent) = (sigma, cut_off, kernel.cut());

@@ -22,7 +22,7 @@ struct FrameUniform {
     sample_rays: array<vec4<f32>, 3>,
     eye: vec4<f32>, // Perspective: the eye. Parallel: the unit vector toward it.
     light: vec4<f32>, // Unit vector toward the light.
-    light_weights: vec4<f32>, // Ambient, diffuse and specular light.
+    light_weights: vec4<f32>, // Ambient, diffuse and specular light. w: 1 if normals have a coherence, else 0.
     // Parallel: falloff_x, falloff_y, shear of all splats. w: peak of a splat of optical depth 1; if voxels have coverages, of
     // density 1 too. In the perspective view of
     // a maximum: how far the samples of a voxel lie from it, right, up and forward.

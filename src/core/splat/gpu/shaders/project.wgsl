@@ -141,15 +141,18 @@ fn signed(word: u32, bits: u32) -> f32 {
     return max(f32(bitcast<i32>(word << shift) >> shift), -largest);
 }
 
-// Returns the unit normal of a record, or zero if it has none: classify/normal.rs, decode8 and decode16.
-fn normal_of(record: u32) -> vec3<f32> {
-    let bits = frame.normal_bits;
-    var code = normals[record >> u32(bits == 8u)];
-    var none = 0x80008000u;
-    if bits == 8u {
-        code = (code >> (16u * (record & 1u))) & 0xffffu;
-        none = 0x8080u;
+// Returns the code of a record's normal.
+fn normal_code(record: u32) -> u32 {
+    if frame.normal_bits == 8u {
+        return (normals[record >> 1u] >> (16u * (record & 1u))) & 0xffffu;
     }
+    return normals[record];
+}
+
+// Returns the unit normal of a code, or zero if it stands for none: classify/normal.rs, decode8 and decode16.
+fn normal_of(code: u32) -> vec3<f32> {
+    let bits = frame.normal_bits;
+    let none = select(0x80008000u, 0x8080u, bits == 8u);
     let u = signed(code, bits);
     let v = signed(code >> bits, bits);
     let z = f32((1u << (bits - 1u)) - 1u) - abs(u) - abs(v);
@@ -177,6 +180,19 @@ fn shade(normal: vec3<f32>, eye: vec3<f32>) -> vec2<f32> {
         square *= square;
     }
     return vec2<f32>(frame.light_weights.x + frame.light_weights.y * lit, frame.light_weights.z * power);
+}
+
+// Returns the light of a voxel that stands for several normals from that of their mean, whose code is given: shade.rs,
+// scatter; classify/normal.rs, Coherence.
+fn scatter(light: vec2<f32>, code: u32) -> vec2<f32> {
+    let v = code >> frame.normal_bits;
+    let alike = vec4<f32>(1.0, 0.85, 0.6, 0.25)[(code & 1u) | ((v & 1u) << 1u)];
+    let bare = select(0.0, 0.2, (v & 2u) != 0u);
+    let scattered = vec2<f32>(
+        frame.light_weights.x + 0.5 * frame.light_weights.y,
+        frame.light_weights.z / (f32(frame.shininess) + 1.0),
+    );
+    return mix(mix(scattered, light, alike), vec2<f32>(1.0, 0.0), bare);
 }
 
 fn value_of(record: u32) -> u32 {
@@ -221,7 +237,11 @@ fn colour_of(voxel: VisitedVoxel, xyz: vec3<u32>, colour: vec3<f32>) -> vec3<f32
         let sight = frame.eye.xyz - at;
         toward = sight / sqrt(max(dot(sight, sight), TINY));
     }
-    let light = shade(normal_of(voxel.record), toward);
+    let code = normal_code(voxel.record);
+    var light = shade(normal_of(code), toward);
+    if frame.light_weights.w == 1.0 {
+        light = scatter(light, code);
+    }
     return colour * light.x + light.y;
 }
 
