@@ -114,12 +114,13 @@ fn pictures_of_small_voxels_are_drawn_from_levels_and_are_near_the_truth() {
     let (solid, thin) = (model_of("marschner-lobb", 128.0), model_of("shells", 191.0));
     let size = [72, 68];
     for (model, pixels, quality, level, least) in [
-        (&solid, 0.27, Quality::Standard, 1, 32.0),
-        (&solid, 0.28, Quality::Standard, 0, 38.0),
-        (&solid, 0.54, Quality::Draft, 1, 28.5),
-        (&solid, 0.27, Quality::Draft, 2, 25.5),
-        (&solid, 0.28, Quality::Draft, 1, 31.0),
-        (&solid, 0.0625, Quality::Draft, 3, 27.5),
+        (&solid, 0.3, Quality::Standard, 1, 33.0),
+        (&solid, 0.31, Quality::Standard, 0, 38.0),
+        (&solid, 0.0625, Quality::Standard, 2, 37.0),
+        (&solid, 0.7, Quality::Draft, 1, 33.0),
+        (&solid, 0.35, Quality::Draft, 2, 26.0),
+        (&solid, 0.36, Quality::Draft, 1, 31.5),
+        (&solid, 0.125, Quality::Draft, 3, 24.5),
         (&thin, 0.0625, Quality::Standard, 0, 38.0),
         (&thin, 0.28, Quality::Draft, 0, 30.0),
         (&thin, 0.27, Quality::Draft, 1, 30.0),
@@ -165,7 +166,7 @@ fn levels_whose_blocks_are_not_cubes_do_not_fall_apart_into_slices() {
 #[test]
 fn two_levels_in_a_small_picture_do_not_make_outlines_fatter() {
     let model = model("hydrogen", [96; 3], [1.0, 4.0, 1.0], 1, 0.5);
-    let camera = camera(&model, [90.0, 90.0], 1370.0, Projection::Perspective { fov: 10.0 });
+    let camera = camera(&model, [90.0, 90.0], 1233.0, Projection::Perspective { fov: 10.0 });
     let settings = Settings::new([32, 32]);
     let parts = level_parts(&model.scene(), &camera, &settings).unwrap();
     assert_eq!(parts.iter().map(|part| part.level).collect::<Vec<_>>(), [0, 1]);

@@ -10,7 +10,7 @@ use super::joined::JoinedRows;
 use super::levels::rows_of;
 use super::manifest::{BrickEntry, Manifest, fingerprint};
 use crate::arena::lanes::DerivedLanes;
-use crate::arena::layout::Facts;
+use crate::arena::layout::{Channels, Facts};
 use crate::arena::{Checked, Region, Rows};
 use crate::build::Observer;
 use crate::classify::TransferFunction;
@@ -224,7 +224,9 @@ impl Collection {
             let Some(file) = file else { continue };
             bricks.push((place(&entry.region()), rows_of(&file.arena()?, number, None)?));
         }
-        Ok(JoinedRows { dims: facts.grid.dims, channels: facts.channels, bricks })
+        // Where one has levels of an older version, only the directions of normals count.
+        let coherence = facts.channels.coherence && bricks.iter().all(|(_, rows)| rows.channels().coherence);
+        Ok(JoinedRows { dims: facts.grid.dims, channels: Channels { coherence, ..facts.channels }, bricks })
     }
 
     /// Returns the voxels of the first `most` levels of all bricks without faults, from level 1 on.
@@ -345,7 +347,9 @@ fn opened(path: &Path, content: &Content, limits: &Limits) -> Result<AdjFile> {
     let file = AdjFile::open_with(path, limits)?;
     let arena = file.arena()?;
     let facts = arena.facts();
-    if (facts.channels, facts.scales) != (content.facts.channels, content.facts.scales) {
+    // A preview may be a level of an older version.
+    let codes = Channels { coherence: content.facts.channels.coherence, ..facts.channels };
+    if (codes, facts.scales) != (content.facts.channels, content.facts.scales) {
         return wrong("has other codes than the collection; build it again with the collection's plan");
     }
     if facts.grid != (Grid { unit: None, ..content.facts.grid.clone() }) {

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use super::atomic_temporary::unnamed;
 use super::map::AdjFile;
-use super::write::{RowsOutput, arena_bytes, write_rows_to};
+use super::write::{RowsOutput, arena_bytes, facts_of_rows, write_rows_to};
 use crate::arena::layout::Facts;
 use crate::arena::levels::level_facts;
 use crate::arena::pager::IN_FLIGHT;
@@ -156,8 +156,9 @@ fn in_memory(
     observer: &mut dyn Observer,
 ) -> Result<Vec<u8>> {
     let lanes = lanes_of(rows, facts, lane_count, threads, observer)?;
+    let facts = facts_of_rows(facts, rows);
     let visible_voxels = lanes[0].steps.iter().filter(|&&step| step != 0).count() as u64;
-    Ok(arena_bytes(&Facts { visible_voxels, ..facts.clone() }, &lanes, DESCRIPTION))
+    Ok(arena_bytes(&Facts { visible_voxels, ..facts }, &lanes, DESCRIPTION))
 }
 
 /// Returns levels that are there already, from level 1 on, as files without a name in `folder`.

@@ -20,7 +20,7 @@ use crate::arena::lane::stored_line_ends;
 use crate::arena::layout::{self, Facts, FileHeader, SectionEntry, SectionKind, TileRecord, aligned};
 use crate::arena::pack::{ChannelArrays, TileRun};
 use crate::arena::pager::tell;
-use crate::arena::{Levels, MOST_LEVELS, OwnedLane, Rows};
+use crate::arena::{Channels, Levels, MOST_LEVELS, OwnedLane, Rows};
 use crate::build::assemble::{Assembler, LaneTotals};
 use crate::build::builder::lanes_of;
 use crate::build::progress::{Observer, Phase, report};
@@ -220,6 +220,13 @@ pub(super) fn write_rows_to(
     write_sections(file, path, levels, rows, output, observer)
 }
 
+/// Returns the facts with which rows are written: normals have a coherence if those of the rows have. Levels that an older version
+/// made have none.
+pub(super) fn facts_of_rows(facts: &Facts, rows: &dyn Rows) -> Facts {
+    let coherence = rows.channels().coherence && facts.channels.normal_bits > 0;
+    Facts { channels: Channels { coherence, ..facts.channels }, ..facts.clone() }
+}
+
 /// Writes the voxels of `rows`, and `levels`, to `file`; `path` is used in messages.
 fn write_sections(
     file: &File,
@@ -231,7 +238,7 @@ fn write_sections(
 ) -> Result<(Facts, u64)> {
     let mut out = SectionFile { file, path, end: 0 };
     let lanes = Axis::ALL.into_iter().take(output.lane_count.into());
-    let facts = &output.facts;
+    let facts = &facts_of_rows(&output.facts, rows);
     facts.grid.check()?;
     let entries = |axis| lane_entries(facts, axis);
     let section_count = 1 + levels.len() + lanes.clone().flat_map(entries).flatten().count();

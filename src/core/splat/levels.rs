@@ -28,8 +28,8 @@ use crate::volume::{Axis, Grid};
 /// drawing one takes 1.1 to 1.8 times as long as drawing one of level 0.
 const WORTHWHILE: f64 = 0.4;
 
-/// What a level can show well, as the crowding of level 1 tells: how many blocks are needed for each that the voxels of level 0 would
-/// fill.
+/// What a level can show well. The crowding of level 1 tells solid from thin matter: how many blocks are needed for each that the voxels
+/// of level 0 would fill.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Matter {
     /// Crowding is 1.04 to 1.52 (mr has the most); in label maps 1.04 (an atlas of large organs).
@@ -139,24 +139,26 @@ pub fn level_settings(settings: &Settings, grid: &Grid, level: &Grid) -> Setting
 /// Returns the most pixels that the longest edge of a voxel of `level` may have; 0 if the level is never drawn.
 ///
 /// The aim is 38 dB from level 0 at [`Quality::Standard`] and 30 dB at [`Quality::Draft`], in the worst of six views. The sets
-/// of docs/studies/levels.md keep it with these numbers, but for one view of engine (28.6 dB at draft); finer waves have less.
-/// What each comes from:
+/// of docs/studies/levels.md keep it with these numbers; finer waves and masks have less. What each comes from, in the worst view of
+/// several:
 ///
-/// * Standard, level 1: an MR head has 38 dB at 0.54 pixels, and fewer from there on. The frog has 32.5 at 0.4 in some directions.
-/// * Standard, level 2: engine has 36.3 dB at 0.25 pixels. At 0.125 the pictures of all sets have fewer than 32 pixels a side, and
-///   level 0 itself has 34 to 42 dB there.
-/// * Draft, level 1: frog has 32.7 dB at 0.87 pixels. Level 2: mr has 32.5 dB at 1.07 pixels. Level 3: engine has 31.2 dB at 0.72.
-/// * Thin matter at standard: level 1 of shells has 30.8 dB at 0.25 pixels.
-/// * Thin matter at draft: level 1 has 30.1 dB at 0.5 pixels (shells). Level 2 has 30.4 at 0.25 (gyroid).
+/// * Standard, level 1: at 0.7 pixels atlas has 37.5 dB, at 0.8 engine 38.3. Thin organs: frog has 37.9 dB at 0.44 pixels.
+/// * Standard, level 2: at 0.25 pixels engine has 38.6 dB.
+/// * Draft, level 1: at 1.4 pixels frog has 31.8 dB, engine 32.8. Level 2: at 1.4 pixels engine has 30.6. Level 3: at 1 pixel
+///   engine has 29.5 dB in one view, vessels 30.0.
+/// * Thin matter at standard: level 1 of shells has 30.8 dB at 0.5 pixels.
+/// * Thin matter at draft: level 1 has 30.8 dB at 0.5 pixels (shells). Level 2 has less than 27 there in walls of two colours.
 fn most_pixels(quality: Quality, level: usize, matter: Matter) -> f64 {
     match (quality, level, matter) {
         (_, 0, _) => f64::INFINITY,
         (Quality::Draft, 1, Matter::Thin) => 0.54,
-        (Quality::Draft, 1 | 2, Matter::Solid | Matter::ThinOrgans) => 1.08,
-        (Quality::Draft, 3, Matter::Solid | Matter::ThinOrgans) => 0.7,
+        (Quality::Draft, 1 | 2, Matter::Solid | Matter::ThinOrgans) => 1.4,
+        (Quality::Draft, 3, Matter::Solid | Matter::ThinOrgans) => 1.05,
         (Quality::Draft, ..) => 0.25,
-        (Quality::Standard, 1, Matter::Solid) => 0.54,
-        (Quality::Standard, _, Matter::Solid) => 0.125,
+        (Quality::Standard, 1, Matter::Solid) => 0.6,
+        (Quality::Standard, 1, Matter::ThinOrgans) => 0.42,
+        (Quality::Standard, 2, Matter::Solid | Matter::ThinOrgans) => 0.25,
+        (Quality::Standard, _, Matter::Solid | Matter::ThinOrgans) => 0.125,
         (Quality::Standard | Quality::High | Quality::Reference, ..) => 0.0,
     }
 }
