@@ -297,6 +297,7 @@ fn mean_normal(block: &[Member], channels: Channels, bits: u8) -> u32 {
         [member.lit * (1.0 - bare) * alike * along, member.lit * bare, member.lit]
     });
     let [alike, bare, all] = parts.fold([0.0; 3], |sums, parts| [0, 1, 2].map(|k| sums[k] + parts[k]));
+    #[expect(clippy::cast_possible_truncation, reason = "rounded to a few numbers")]
     let coherence = Coherence { alike: (alike / (all - bare)) as f32, bare: (bare / all) as f32 };
     normal::encode_coherent(sum.map(|c| -c), coherence, bits)
 }
