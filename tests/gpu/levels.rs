@@ -97,7 +97,8 @@ fn coarse(fine: &Built) -> Built {
         let coverage = children.iter().map(|(bit, _)| 1 << bit).sum();
         Some(Record { value: (sum / children.len() as u32) as u16, coverage, ..first })
     };
-    packed(grid, Channels { coverage_bits: 8, ..fine.facts.channels }, fine.transfer.clone(), record)
+    let channels = Channels { coverage_bits: 8, coherence: true, ..fine.facts.channels };
+    packed(grid, channels, fine.transfer.clone(), record)
 }
 
 /// Turns coverages of 8 bits into those of 16 bits that are nearest.

@@ -26,9 +26,9 @@ pub const LIT: Channels =
 /// Every channel at its widest.
 pub const WIDE: Channels =
     Channels { value_bits: 16, normal_bits: 16, magnitude_bits: 8, coverage_bits: 0, coherence: false };
-/// Values and normals in 8 bits, and coverages: what a level of detail has.
+/// Values and normals in 8 bits, coverages and coherences: what a level of detail has.
 pub const COVERED: Channels =
-    Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0, coverage_bits: 8, coherence: false };
+    Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0, coverage_bits: 8, coherence: true };
 
 /// A value is its code.
 pub const CODES: Scales = Scales { value_low: 0.0, value_step: 1.0, magnitude_scale: 1.0 };
