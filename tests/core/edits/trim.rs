@@ -139,6 +139,7 @@ fn channels_that_go_leave_the_others_as_they_were() {
         let bytes = model.bytes(3);
         let options = TrimOptions::default().with_drop_normals(true).with_drop_magnitudes(true);
         model.facts.channels.normal_bits = 0;
+        model.facts.channels.coherence = false;
         model.facts.channels.magnitude_bits = 0;
         model.facts.scales.magnitude_scale = 0.0;
         assert!(trimmed(&bytes, None, &options, 3) == model.bytes(3));

@@ -184,6 +184,25 @@ fn the_library_writes_the_same_levels() {
     }
 }
 
+/// Their lowest bits say nothing of coherence.
+#[test]
+fn normals_of_levels_of_version_1_1_have_directions_only() {
+    let scenes = scenes();
+    let scene = scenes.iter().find(|scene| scene.name == "levels.adj").unwrap();
+    let mut parts = Parts::of_scene(scene);
+    for (number, minor) in [(1, 1), (2, 2)] {
+        let level = parts.level(number);
+        let mut of_level = Parts::of_file(&level.bytes);
+        of_level.header.minor = minor.into();
+        level.bytes = of_level.file();
+    }
+    let file = parts.file();
+    let arena = Arena::new(&file).unwrap();
+    let coherence = |level| arena.level(level).unwrap().facts().channels.coherence;
+    assert_eq!([coherence(1), coherence(2)], [false, true]);
+    assert!(arena.check().is_ok());
+}
+
 #[test]
 fn levels_hold_their_scenes_in_every_lane() {
     for scene in scenes() {
