@@ -178,12 +178,13 @@ fn signed(word: u32, bits: u32) -> f32 {
     ((((word << shift).cast_signed()) >> shift) as f32).max(-largest)
 }
 
-fn normal_of(frame: &FrameUniform, channels: &Channels, record: u32) -> [f32; 3] {
+fn normal_code(frame: &FrameUniform, channels: &Channels, record: u32) -> u32 {
+    element(channels.normals, record, 2 * frame.normal_bits)
+}
+
+fn normal_of(frame: &FrameUniform, code: u32) -> [f32; 3] {
     let bits = frame.normal_bits;
-    let (code, none) = match bits {
-        8 => (element(channels.normals, record, 16), 0x8080),
-        _ => (element(channels.normals, record, 32), 0x8000_8000),
-    };
+    let none = if bits == 8 { 0x8080 } else { 0x8000_8000 };
     let (u, v) = (signed(code, bits), signed(code >> bits, bits));
     let z = ((1u32 << (bits - 1)) - 1) as f32 - u.abs() - v.abs();
     let fold = (-z).max(0.0);
@@ -211,6 +212,22 @@ fn shade(frame: &FrameUniform, normal: [f32; 3], eye: [f32; 3]) -> [f32; 2] {
         bits >>= 1;
     }
     [frame.light_weights[0] + frame.light_weights[1] * lit, frame.light_weights[2] * power]
+}
+
+/// Returns the light of a voxel that stands for several normals, from that of their mean.
+fn scatter(frame: &FrameUniform, light: [f32; 2], code: u32) -> [f32; 2] {
+    let v = code >> frame.normal_bits;
+    let alike = match (code & 1, v & 1) {
+        (0, 0) => 1.0,
+        (1, 0) => 0.85,
+        (0, _) => 0.6,
+        _ => 0.25,
+    };
+    let bare = if v & 2 == 0 { 0.0 } else { 0.2 };
+    let [ambient, diffuse, specular, _] = frame.light_weights;
+    let scattered = [ambient + 0.5 * diffuse, specular / (frame.shininess as f32 + 1.0)];
+    let mix = |a: f32, b: f32, share: f32| a * (1.0 - share) + b * share;
+    [0, 1].map(|k| mix(mix(scattered[k], light[k], alike), [1.0, 0.0][k], bare))
 }
 
 fn look_of(frame: &FrameUniform, channels: &Channels, record: u32, share: f32) -> [f32; 4] {
@@ -247,7 +264,9 @@ fn colour_of(
         let length = dot(sight, sight).max(f32::MIN_POSITIVE).sqrt();
         toward = sight.map(|c| c / length);
     }
-    let [factor, highlight] = shade(frame, normal_of(frame, channels, voxel.record), toward);
+    let code = normal_code(frame, channels, voxel.record);
+    let light = shade(frame, normal_of(frame, code), toward);
+    let [factor, highlight] = if frame.light_weights[3] == 1.0 { scatter(frame, light, code) } else { light };
     colour.map(|c| c * factor + highlight)
 }
 
