@@ -30,8 +30,8 @@ use crate::volume::{Axis, Grid};
 pub const MAGIC: [u8; 8] = *b"\x89ADJ\r\n\x1a\n";
 /// Major version of the format. Readers refuse any other, because the bytes would have another meaning.
 pub const MAJOR: u16 = 1;
-/// Minor version of files that hold what version 1.0 does not know; others have 0. A higher minor version only adds section
-/// kinds that readers may skip.
+/// Minor version of files that hold what version 1.0 does not know; others have 0. A higher minor version only adds what
+/// readers may leave alone.
 pub const MINOR: u16 = 1;
 /// Minor version of files whose voxels have coverages and normals with a coherence.
 pub const COHERENT_MINOR: u16 = 2;

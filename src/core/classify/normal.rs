@@ -14,7 +14,8 @@
 //! cross product with their small difference. This needs no root, and single precision is enough for both widths.
 //!
 //! A voxel of a level of detail stands for several voxels. How alike their normals are, the *coherence*, is in the lowest
-//! bit of u and the two lowest of v: of all codes with these three bits the nearest is taken. Then errors are up to 2.4 degrees with 2x8 bits.
+//! bit of u and the two lowest of v: of all codes with these three bits the nearest is taken. Then errors are up to 2.4
+//! degrees with 2x8 bits.
 
 use glam::Vec4;
 

@@ -139,8 +139,8 @@ pub fn level_settings(settings: &Settings, grid: &Grid, level: &Grid) -> Setting
 /// Returns the most pixels that the longest edge of a voxel of `level` may have; 0 if the level is never drawn.
 ///
 /// The aim is 38 dB from level 0 at [`Quality::Standard`] and 30 dB at [`Quality::Draft`], in the worst of six views. The sets
-/// of docs/studies/levels.md keep it with these numbers; finer waves and masks have less. What each comes from, in the worst view of
-/// several:
+/// of docs/studies/levels.md keep it with these numbers, but for one view of engine at draft (29.5 dB, level 3). Finer waves and masks have
+/// less. What each number comes from, in the worst view of several:
 ///
 /// * Standard, level 1: at 0.7 pixels atlas has 37.5 dB, at 0.8 engine 38.3. Thin organs: frog has 37.9 dB at 0.44 pixels.
 /// * Standard, level 2: at 0.25 pixels engine has 38.6 dB.
