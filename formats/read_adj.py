@@ -11,6 +11,7 @@ As a module:
     arena.offsets(voxels.coverage)    # where: from the point, along x, y, z in spacings, n x 3
     arena.coherences(voxels.normal)   # how alike the normals of a level's voxel are, and the share without one, n x 2
     arena.levels                      # coarser levels of detail, level 1 first: arenas too
+    arena.limits                      # where they may be drawn: pixels at standard and draft, a pair a level; or None
 
 As a program:
     read_adj.py FILE...                 what each lane holds
@@ -23,7 +24,7 @@ As a program:
     --lane x|y|z                        that lane only
     --level N                           that level of detail instead of the file's own voxels
 
-It checks what rules R1, R2, R4 to R7, R10, R11 and R23 ask of header and section table, the same of each level and that
+It checks what rules R1, R2, R4 to R7, R10, R11, R23 and R27 ask of header and section table, the same of each level and that
 it fits the level below (R24), that tiles lie in their order (R13) and line ends in the channels (R16), and the description
 (R22). It reads no checksum and judges nothing else: a damaged file gives a message or wrong voxels. Exit code 2 if a file
 is refused.
@@ -43,11 +44,11 @@ Section = namedtuple("Section", "kind axis element_bytes offset bytes xxh3")
 
 MAGIC = b"\x89ADJ\r\n\x1a\n"
 DESCRIPTION, TILES, LINE_ENDS, STEPS, VALUES, NORMALS, MAGNITUDES = range(1, 8)
-COVERAGES = 0x8010
+COVERAGES, LIMITS = 0x8010, 0x8011
 LEVELS = range(0x8001, 0x8010)
 NAMES = {
     DESCRIPTION: "description", TILES: "tiles", LINE_ENDS: "line ends", STEPS: "steps", VALUES: "values",
-    NORMALS: "normals", MAGNITUDES: "magnitudes", COVERAGES: "coverages",
+    NORMALS: "normals", MAGNITUDES: "magnitudes", COVERAGES: "coverages", LIMITS: "limits of levels",
 }
 ORDERS = ["morton", "hilbert", "rows"]
 TILE = np.dtype([
@@ -121,7 +122,7 @@ class Arena:
                 lanes_before = any(section.axis < 3 for section in self.sections[:-1])
                 require(not lanes_before, "R23", "a level after a lane")
                 continue
-            if kind >= 0x8000 and kind != COVERAGES:
+            if kind >= 0x8000 and kind not in (COVERAGES, LIMITS):
                 continue
             wanted = self._element_bytes(kind, axis)
             require(element == wanted, "R11", f"{NAMES[kind]} in elements of {element} bytes")
@@ -135,6 +136,12 @@ class Arena:
         require(self.lanes in ("x", "xy", "xyz"), "R10", f"lanes '{self.lanes}'")
         numbers = [section.kind for section in self.sections if section.kind in LEVELS]
         require(numbers == list(reversed(LEVELS[:len(numbers)])), "R23", "levels that are not N to 1")
+        self.limits = None
+        if (LIMITS, 255) in self._parts:
+            limits = np.frombuffer(self._parts[LIMITS, 255], "<f4").reshape(-1, 2)
+            require(len(limits) == len(numbers), "R27", f"limits of {len(limits)} levels")
+            require(np.isfinite(limits).all() and (limits >= 0).all(), "R27", "limits that are no sizes")
+            self.limits = limits.tolist()
         for axis in range(len(self.lanes)):
             for kind in (LINE_ENDS, STEPS, VALUES, NORMALS, MAGNITUDES, COVERAGES):
                 width = self._element_bytes(kind, axis, or_zero=True)
@@ -177,7 +184,9 @@ class Arena:
         return tuple(dims), spacing, origin
 
     def _element_bytes(self, kind, axis, or_zero=False):
-        require((axis == 255) if kind == DESCRIPTION else axis < 3, "R10", f"{NAMES[kind]} on axis {axis}")
+        require((axis == 255) if kind in (DESCRIPTION, LIMITS) else axis < 3, "R10", f"{NAMES[kind]} on axis {axis}")
+        if kind == LIMITS:
+            return 8
         if kind in (DESCRIPTION, STEPS):
             return 1
         if kind == TILES:

@@ -110,6 +110,7 @@ impl Observer for Watch {
             Phase::Pack => self.tell("pack", done, total),
             Phase::Assemble(axis) => self.tell(&format!("assemble {}", axis.name()), done, total),
             Phase::Level(number) => self.tell(&format!("level {number}"), done, total),
+            Phase::Limits => self.tell("limits", done, total),
             Phase::Flush => self.tell("flush", done, total),
         }
     }

@@ -213,12 +213,15 @@ fn levels(arena: &Arena) -> Vec<Value> {
     let levels = (1..=arena.level_count()).filter_map(|number| Some((number, arena.level(number)?)));
     levels
         .map(|(number, level)| {
+            let limits = arena.level_limits().get(usize::from(number) - 1);
             json!({
                 "level": number,
                 "dims": level.facts().grid.dims,
                 "visible_voxels": level.facts().visible_voxels,
                 "bytes": level.bytes().len(),
                 "share_of_file": level.bytes().len() as f64 / arena.bytes().len() as f64,
+                "most_pixels_standard": limits.map(|limits| limits.standard.get()),
+                "most_pixels_draft": limits.map(|limits| limits.draft.get()),
             })
         })
         .collect()

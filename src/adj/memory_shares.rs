@@ -10,7 +10,7 @@
 use indicatif::HumanBytes;
 
 use super::resources::resident_bytes;
-use adjsplat::arena::layout::Facts;
+use adjsplat::arena::layout::{Facts, LevelLimits};
 use adjsplat::arena::{Arena, Lane, LaneSet};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
@@ -162,6 +162,7 @@ pub(super) struct BoundedLanes<'a> {
     /// The lanes of the voxels, then those of each level.
     lanes: Vec<LaneSet<'a>>,
     level_facts: Vec<Facts>,
+    level_limits: Vec<LevelLimits>,
     /// The function that the file was built with.
     build_function: Option<TransferFunction>,
     /// The limit of `--memory` in bytes, if the flag is given.
@@ -174,9 +175,9 @@ impl<'a> BoundedLanes<'a> {
     pub(super) fn new(arena: Arena<'a>, memory: Option<u64>, derived: Option<u64>) -> BoundedLanes<'a> {
         let arenas: Vec<Arena> = drawn(&arena, None).into_iter().map(|(_, arena)| arena).collect();
         let level_facts = arenas[1..].iter().map(|level| level.facts().clone()).collect();
-        let build_function = stored_transfer(&arena);
+        let (build_function, level_limits) = (stored_transfer(&arena), arena.level_limits().to_vec());
         let lanes = arenas.into_iter().map(|arena| LaneSet::new(arena, derived)).collect();
-        BoundedLanes { lanes, level_facts, build_function, memory }
+        BoundedLanes { lanes, level_facts, level_limits, build_function, memory }
     }
 
     /// Returns the file's arena.
@@ -192,6 +193,10 @@ impl Lanes for BoundedLanes<'_> {
 
     fn levels(&self) -> &[Facts] {
         &self.level_facts
+    }
+
+    fn level_limits(&self) -> &[LevelLimits] {
+        &self.level_limits
     }
 
     fn build_function(&self) -> Option<&TransferFunction> {

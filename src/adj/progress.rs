@@ -79,6 +79,7 @@ impl Observer for Progress {
             Phase::Assemble(Axis::Y) => "lane y",
             Phase::Assemble(Axis::Z) => "lane z",
             Phase::Level(number) => return self.show(&format!("level {number}"), done, total),
+            Phase::Limits => "limits",
             Phase::Flush => "flush",
         };
         self.show(what, done, total)

@@ -12,9 +12,9 @@ const MAY_IMPORT: &[(&str, &[&str])] = &[
     ("classify", &["volume"]),
     ("arena", &["volume", "classify"]),
     ("build", &["volume", "classify", "arena"]),
-    ("file", &["volume", "arena", "build"]),
     ("traverse", &["volume", "arena"]),
     ("splat", &["volume", "classify", "arena", "traverse"]),
+    ("file", &["volume", "arena", "build", "splat"]),
     ("collection", &["volume", "classify", "arena", "build", "file", "traverse", "splat"]),
 ];
 

@@ -84,12 +84,13 @@ fn types_have_the_lengths_that_the_tables_give() {
 fn the_specification_and_the_library_agree_on_the_kinds_of_sections() {
     let text = specification();
     let kinds = table(&text, "## 4. Section table", "kind | name");
-    let all = [SectionKind::Description].into_iter().chain(SectionKind::OF_LANES);
+    let [description, limits] = SectionKind::OF_FILE;
+    let all = [description].into_iter().chain(SectionKind::OF_LANES).chain([limits]);
     assert_eq!(kinds.len(), all.clone().count());
     let channels = Channels { value_bits: 16, normal_bits: 16, magnitude_bits: 8, coverage_bits: 8, coherence: false };
     for (row, kind) in kinds.iter().zip(all) {
         assert_eq!((&row[0], &row[1]), (&(kind as u16).to_string(), &kind.name().to_owned()));
-        let on_no_lane = kind == SectionKind::Description;
+        let on_no_lane = SectionKind::OF_FILE.contains(&kind);
         assert_eq!(row[2], if on_no_lane { "255" } else { "lane" });
         let width = |line_points| kind.element_bytes(channels, [line_points, 1, 1], Axis::X).to_string();
         let specified = match row[3].as_str() {

@@ -1,6 +1,6 @@
 //! The check: tells whether the content of an open arena follows all rules of the format, in O(bytes).
 //!
-//! In: an [`Arena`]. Out: counts, or the first broken rule of `formats/adj-1.md` among R12 to R22, R25 and R26 with its
+//! In: an [`Arena`]. Out: counts, or the first broken rule of `formats/adj-1.md` among R12 to R22 and R25 to R27 with its
 //! byte. The check allocates nothing that grows with the file, but for one string of the description and, with levels, four
 //! bytes a tile. It ends on any bytes: every tile, line and record is read once, because it must start where the previous
 //! one ends.
@@ -23,11 +23,14 @@ use std::ops::Range;
 
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+use zerocopy::byteorder::little_endian::F32;
 
 use super::coverage::Coverage;
 use super::lane::{Lane, STEPPING};
 use super::lane_rows::LaneRows;
-use super::layout::{Channels, Facts, FileHeader, SectionEntry, SectionKind, TILE_EDGE, TileRecord, line_end_bytes};
+use super::layout::{
+    Channels, Facts, FileHeader, LevelLimits, SectionEntry, SectionKind, TILE_EDGE, TileRecord, line_end_bytes,
+};
 use super::levels::{CoarserRows, LevelLook, coarser};
 use super::open::{Arena, fault, zeros_from};
 use super::pager::tell;
@@ -65,7 +68,7 @@ pub struct CheckedLane {
 }
 
 impl Arena<'_> {
-    /// Checks everything that [`Arena::new`] did not check: rules R12 to R22, R25 and R26 of `formats/adj-1.md`.
+    /// Checks everything that [`Arena::new`] did not check: rules R12 to R22 and R25 to R27 of `formats/adj-1.md`.
     ///
     /// In a file that passes, all lanes hold the same voxels, inside the grid, in the only valid way to store them. Any
     /// change of a single byte of such a file makes opening or this check fail. O(bytes): 4 to 7 ns per record, with
@@ -118,7 +121,7 @@ impl Arena<'_> {
     }
 }
 
-/// Checks the checksums, the zeros between sections and the description. R12, R21, R22.
+/// Checks the checksums, the zeros between sections, the description and the limits of levels. R12, R21, R22, R27.
 fn check_sections(arena: &Arena) -> Result<(), FormatFault> {
     let bytes = arena.bytes();
     let index = |offset: u64| usize::try_from(offset).unwrap_or(usize::MAX);
@@ -137,8 +140,10 @@ fn check_sections(arena: &Arena) -> Result<(), FormatFault> {
             let got = format!("{sum:#018x} in {}: the file is damaged; rebuild or copy it again", name_of(section));
             return Err(fault(offset, "R12", format!("checksum {:#018x}", section.xxh3), got));
         }
-        if section.known_kind() == Some(SectionKind::Description) {
-            check_description(offset, arena.description())?;
+        match section.known_kind() {
+            Some(SectionKind::Description) => check_description(offset, arena.description())?,
+            Some(SectionKind::LevelLimits) => check_limits(offset, arena.level_limits())?,
+            _ => {}
         }
         end = offset + section.bytes.get();
     }
@@ -163,6 +168,17 @@ fn name_of(section: &SectionEntry) -> String {
         (None, _) if section.level().is_some() => format!("level {}", section.level().unwrap_or(0)),
         (None, _) => "a section of an optional kind".to_owned(),
     }
+}
+
+/// Checks that all limits of levels are sizes in pixels. R27.
+fn check_limits(at: u64, limits: &[LevelLimits]) -> Result<(), FormatFault> {
+    let all = limits.iter().flat_map(|limits| [limits.standard, limits.draft]);
+    for (index, pixels) in (0..).zip(all.map(F32::get)) {
+        if !(pixels.is_finite() && pixels >= 0.0) {
+            return Err(fault(at + 4 * index, "R27", "a number of pixels, 0 or above", pixels));
+        }
+    }
+    Ok(())
 }
 
 /// Checks that the description is a JSON object, not too long, whose numbers and strings can be read. R22.

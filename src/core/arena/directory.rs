@@ -13,7 +13,7 @@ use zerocopy::{FromBytes as _, IntoBytes as _};
 
 use super::codes::CodeCounts;
 use super::lane::Elsewhere;
-use super::layout::{Facts, FileHeader, MAX_SECTIONS, SectionEntry, aligned, header_checksum};
+use super::layout::{Facts, FileHeader, MAX_SECTIONS, SectionEntry, SectionKind, aligned, header_checksum};
 use super::open::{Arena, Head, level_head, sections_within};
 use crate::error::{Error, FormatFault, Result};
 use crate::limits::Limits;
@@ -78,7 +78,10 @@ impl Directory {
     /// The errors of [`Directory::new`].
     pub fn first_lane(head: &[u8], file_bytes: u64, limits: &Limits, name: &str) -> Result<Directory> {
         let is_of_lane = |entry: &SectionEntry| entry.lane_axis().is_none_or(|axis| axis == Axis::X);
-        let is_kept = |entry: &SectionEntry| entry.known_kind().is_some() && is_of_lane(entry);
+        // Limits are those of levels, which such a file has not.
+        let is_kept = |entry: &SectionEntry| {
+            entry.known_kind().is_some_and(|kind| kind != SectionKind::LevelLimits) && is_of_lane(entry)
+        };
         Directory::with(head, file_bytes, limits, name, is_kept)
     }
 

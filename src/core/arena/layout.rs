@@ -1,6 +1,6 @@
 //! The bytes of an `.adj` file: header, section table and tile records.
 //!
-//! `formats/adj-1.md` is normative; fields and faults name its rules R1 to R22. tests/core/layout.rs compares its tables
+//! `formats/adj-1.md` is normative; fields and faults name its rules R1 to R27. tests/core/layout.rs compares its tables
 //! with the structs below. Records consist of little-endian types of alignment 1, so a slice at any address is valid,
 //! on every machine.
 //!
@@ -8,7 +8,8 @@
 //!    0  header, 256 bytes                      \ one checksum, R3
 //!  256  section table, 32 bytes an entry       /
 //!       description (JSON)                      sections in table order, each filled up with zeros to a
-//!       levels, the coarsest first              multiple of 256 bytes, the last one too: R5, R21
+//!       limits of levels                        multiple of 256 bytes, the last one too: R5, R21
+//!       levels, the coarsest first
 //!       for each lane: tiles, line ends,
 //!       steps, values, normals, magnitudes,
 //!       coverages
@@ -19,7 +20,7 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
-use zerocopy::byteorder::little_endian::{F64, U16, U32, U64};
+use zerocopy::byteorder::little_endian::{F32, F64, U16, U32, U64};
 use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes, KnownLayout, Unaligned};
 
 use super::curve::TileOrder;
@@ -35,6 +36,8 @@ pub const MAJOR: u16 = 1;
 pub const MINOR: u16 = 1;
 /// Minor version of files whose voxels have coverages and normals with a coherence.
 pub const COHERENT_MINOR: u16 = 2;
+/// Minor version of files that say where their levels may be drawn.
+pub const LIMITED_MINOR: u16 = 3;
 /// Sections start at multiples of this many bytes, so that each can be bound as a GPU storage buffer. The last section
 /// is padded too: uploads in words of four bytes may read past a section's end.
 pub const ALIGNMENT: u64 = 256;
@@ -44,7 +47,7 @@ pub const TILE_EDGE: u16 = 8;
 pub const OPTIONAL_KINDS: u16 = 0x8000;
 /// Longest scan line, in grid points, whose end is stored in two bytes: 64 such lines have at most 65,535 records.
 pub const NARROW_LINE: u32 = 1_023;
-/// Largest number of sections in a file; three complete lanes with all levels need 37.
+/// Largest number of sections in a file; three complete lanes with all levels need 38.
 pub const MAX_SECTIONS: u32 = 1_024;
 
 /// The first 256 bytes of a file.
@@ -55,7 +58,7 @@ pub struct FileHeader {
     pub magic: [u8; 8],
     /// Always [`MAJOR`]. R2.
     pub major: U16,
-    /// 0, [`MINOR`], [`COHERENT_MINOR`] or a higher minor version. R2.
+    /// 0, [`MINOR`], [`COHERENT_MINOR`], [`LIMITED_MINOR`] or a higher minor version. R2.
     pub minor: U16,
     /// Number of entries in the section table, at most [`MAX_SECTIONS`]. R5.
     pub section_count: U32,
@@ -125,7 +128,7 @@ pub struct SectionEntry {
 impl SectionEntry {
     /// Returns what the section holds; `None` for an optional kind that this version does not know.
     pub fn known_kind(&self) -> Option<SectionKind> {
-        let mut kinds = [SectionKind::Description].into_iter().chain(SectionKind::OF_LANES);
+        let mut kinds = SectionKind::OF_FILE.into_iter().chain(SectionKind::OF_LANES);
         kinds.find(|&kind| kind as u16 == self.kind.get())
     }
 
@@ -216,6 +219,17 @@ const _: () = {
     assert!(offset_of!(TileRecord, low) == 24);
 };
 
+/// Up to which size a level is as good as the voxels that it stands for: the most pixels that the longest edge of its voxels may
+/// have in a picture; 0 for never.
+#[derive(Debug, Clone, Copy, PartialEq, Default, FromBytes, IntoBytes, KnownLayout, Immutable, Unaligned)]
+#[repr(C)]
+pub struct LevelLimits {
+    /// The most pixels at standard quality. R27.
+    pub standard: F32,
+    /// The most pixels at draft quality. R27.
+    pub draft: F32,
+}
+
 /// The kinds of sections, by what they hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u16)]
@@ -238,9 +252,14 @@ pub enum SectionKind {
     Magnitudes = 7,
     /// For each record: the code of the voxel's coverage. Optional: a file without it has voxels that are wholly visible.
     Coverage = 0x8010,
+    /// [`LevelLimits`] of each level, level 1 first. Optional: a file without it says nothing of how good its levels are.
+    LevelLimits = 0x8011,
 }
 
 impl SectionKind {
+    /// The kinds of sections that belong to no lane, but for levels.
+    pub const OF_FILE: [SectionKind; 2] = [SectionKind::Description, SectionKind::LevelLimits];
+
     /// The kinds of a lane's sections, in file order.
     pub const OF_LANES: [SectionKind; 7] = [
         SectionKind::Tiles,
@@ -254,7 +273,7 @@ impl SectionKind {
 
     /// Returns whether the section is a channel: it has an element for each record.
     pub const fn is_channel(self) -> bool {
-        self as u16 >= SectionKind::Steps as u16
+        self as u16 >= SectionKind::Steps as u16 && !matches!(self, SectionKind::LevelLimits)
     }
 
     /// Returns the size in bytes of one element of this kind in the lane along `axis`; 0 if there is no such section.
@@ -267,6 +286,7 @@ impl SectionKind {
             SectionKind::Normals => channels.normal_bits / 4,
             SectionKind::Magnitudes => channels.magnitude_bits / 8,
             SectionKind::Coverage => channels.coverage_bits / 8,
+            SectionKind::LevelLimits => 8,
         }
     }
 
@@ -281,6 +301,7 @@ impl SectionKind {
             SectionKind::Normals => "normals",
             SectionKind::Magnitudes => "magnitudes",
             SectionKind::Coverage => "coverages",
+            SectionKind::LevelLimits => "limits of levels",
         }
     }
 }

@@ -16,8 +16,8 @@ use zerocopy::byteorder::little_endian::F64;
 use super::curve::TileOrder;
 use super::lane::{Elsewhere, Lane, LineEnds};
 use super::layout::{
-    ALIGNMENT, COHERENT_MINOR, Channels, Facts, FileHeader, MAGIC, MAJOR, MAX_SECTIONS, OPTIONAL_KINDS, Scales,
-    SectionEntry, SectionKind, TILE_EDGE, TileRecord, aligned, header_checksum,
+    ALIGNMENT, COHERENT_MINOR, Channels, Facts, FileHeader, LevelLimits, MAGIC, MAJOR, MAX_SECTIONS, OPTIONAL_KINDS,
+    Scales, SectionEntry, SectionKind, TILE_EDGE, TileRecord, aligned, header_checksum,
 };
 use super::levels::level_facts;
 use super::pager::{Pager, tell};
@@ -180,7 +180,7 @@ impl<'a> Arena<'a> {
     /// [`Arena::check`] tells if it is valid.
     ///
     /// # Errors
-    /// The first broken rule of `formats/adj-1.md` among R1 to R11, R23 and R24.
+    /// The first broken rule of `formats/adj-1.md` among R1 to R11, R23, R24 and R27.
     pub fn new(bytes: &'a [u8]) -> Result<Arena<'a>, FormatFault> {
         let head = Head::new(bytes, bytes.len() as u64)?;
         check_levels(bytes, &head)?;
@@ -239,6 +239,13 @@ impl<'a> Arena<'a> {
             Some(pager) => arena.with_pager(pager),
             None => arena,
         })
+    }
+
+    /// Returns the limits of the levels, level 1 first; none if the file does not say them.
+    pub fn level_limits(&self) -> &'a [LevelLimits] {
+        let limits = self.section(SectionKind::LevelLimits, None).map_or(&[][..], |s| self.section_bytes(s));
+        tell(self.pager, || limits);
+        <[LevelLimits]>::ref_from_bytes(limits).unwrap_or_default()
     }
 
     /// Returns the section of a level above 0.
@@ -419,7 +426,7 @@ fn check_table(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result
             return Err(fault(at!(entry[index].kind), "R10", "a known section kind: update adjsplat", entry.kind));
         }
         let fits = match kind {
-            Some(SectionKind::Description) => entry.axis == 255,
+            Some(kind) if SectionKind::OF_FILE.contains(&kind) => entry.axis == 255,
             Some(_) => axis.is_some(),
             None if entry.level().is_some() => entry.axis == 255,
             None => axis.is_some() || entry.axis == 255,
@@ -476,6 +483,12 @@ fn check_table(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result
     }
     if let Some((last, index)) = last_level.filter(|(last, _)| *last > 1) {
         return Err(fault(at!(entry[index].kind), "R23", "level 1 after it", format!("level {last} as the last one")));
+    }
+    let levels = table.iter().filter(|entry| entry.level().is_some()).count() as u64;
+    let limits = table.iter().position(|entry| entry.known_kind() == Some(SectionKind::LevelLimits));
+    if let Some(index) = limits.filter(|&index| table[index].bytes.get() != levels * size_of::<LevelLimits>() as u64) {
+        let expected = format!("limits of {levels} levels, as many as there are");
+        return Err(fault(at!(entry[index].bytes), "R27", expected, format!("{} bytes", table[index].bytes)));
     }
     if next != file_bytes {
         let expected = format!("the last section filled up to byte {next}, and the file's end there");

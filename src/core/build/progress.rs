@@ -17,6 +17,8 @@ pub enum Phase {
     Assemble(Axis),
     /// Makes the coarser level of this number.
     Level(u8),
+    /// Draws levels, to measure where they are as good as the voxels.
+    Limits,
     /// Waits until the file is on disk.
     Flush,
 }

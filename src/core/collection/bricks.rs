@@ -7,15 +7,17 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::joined::JoinedRows;
-use super::levels::rows_of;
+use super::levels::{limits_of_whole, rows_of};
 use super::manifest::{BrickEntry, Manifest, fingerprint};
 use crate::arena::lanes::DerivedLanes;
-use crate::arena::layout::{Channels, Facts};
+use crate::arena::layout::{Channels, Facts, LevelLimits};
 use crate::arena::{Checked, Region, Rows};
 use crate::build::Observer;
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
-use crate::file::{AdjFile, RowsOutput, bytes_of_rows_and_levels, open_rows_and_levels, write_rows_and_levels};
+use crate::file::{
+    AdjFile, GivenLevels, RowsOutput, bytes_of_rows_and_levels, open_rows_and_levels, write_rows_and_levels,
+};
 use crate::limits::Limits;
 use crate::volume::Grid;
 use crate::volume::source::obtainable;
@@ -30,6 +32,8 @@ pub struct Collection {
     faults: Vec<Error>,
     /// The facts of the levels of the whole, level 1 first.
     levels: Vec<Facts>,
+    /// Their limits; none if a brick does not say its own.
+    level_limits: Vec<LevelLimits>,
     /// The function that the whole was built with.
     build_function: Option<TransferFunction>,
 }
@@ -44,6 +48,8 @@ pub struct Brick {
     pub(super) derived: DerivedLanes,
     /// The facts of the brick's levels, and their derived lanes; level 1 first.
     pub(super) levels: Vec<(Facts, DerivedLanes)>,
+    /// Their limits.
+    pub(super) level_limits: Vec<LevelLimits>,
 }
 
 impl Collection {
@@ -78,13 +84,14 @@ impl Collection {
                 None
             });
             let derived = || DerivedLanes::new(limits.derived_bytes);
-            let mut levels = Vec::new();
+            let (mut levels, mut level_limits) = (Vec::new(), Vec::new());
             if let Some(file) = &file {
                 let arena = file.arena()?;
                 let facts = (1..=manifest.levels).map_while(|number| Some(arena.level(number)?.facts().clone()));
                 levels.extend(facts.map(|facts| (facts, derived())));
+                level_limits.extend_from_slice(arena.level_limits());
             }
-            bricks.push(Brick { entry: entry.clone(), file, derived: derived(), levels });
+            bricks.push(Brick { entry: entry.clone(), file, derived: derived(), levels, level_limits });
         }
         let preview = manifest.preview.as_ref().map(|entry| {
             let facts = entry.facts(&manifest.facts());
@@ -94,8 +101,9 @@ impl Collection {
         let levels = manifest.levels().into_iter().map(|level| level.facts).collect();
         let description = manifest.description().as_bytes();
         let build_function = TransferFunction::of_description(description, manifest.grid.mean_spacing());
-        let mut collection = Collection { path, manifest, bricks, preview, faults, levels, build_function };
-        collection.count_levels();
+        let mut collection =
+            Collection { path, manifest, bricks, preview, faults, levels, level_limits: Vec::new(), build_function };
+        collection.sum_up_levels();
         Ok(collection)
     }
 
@@ -107,15 +115,18 @@ impl Collection {
                 (brick.file, brick.levels) = (None, Vec::new());
             }
         }
-        self.count_levels();
+        self.sum_up_levels();
     }
 
-    /// Counts the visible voxels of the whole's levels.
-    fn count_levels(&mut self) {
+    /// Counts the visible voxels of the whole's levels, and finds their limits.
+    fn sum_up_levels(&mut self) {
         for number in 0..self.levels.len() {
             let of_bricks = self.once().iter().filter_map(|brick| brick.levels.get(number));
             self.levels[number].visible_voxels = of_bricks.map(|(facts, _)| facts.visible_voxels).sum();
         }
+        let bricks = self.once().iter().filter(|brick| !brick.levels.is_empty());
+        let bricks = bricks.map(|brick| (brick.entry.visible_voxels, &brick.level_limits[..]));
+        self.level_limits = limits_of_whole(self.levels.len(), bricks);
     }
 
     /// Returns whether `path` is a collection: a folder with a manifest, or one whose name says that there should be one.
@@ -188,6 +199,11 @@ impl Collection {
         &self.levels
     }
 
+    /// Returns the limits of these levels: means of those of bricks; none if a brick does not say its own.
+    pub(super) fn level_limits(&self) -> &[LevelLimits] {
+        &self.level_limits
+    }
+
     /// Returns what is wrong with bricks, an error for each that names its file: missing, damaged, of another build.
     pub fn faults(&self) -> &[Error] {
         &self.faults
@@ -229,6 +245,13 @@ impl Collection {
         Ok(JoinedRows { dims: facts.grid.dims, channels: Channels { coherence, ..facts.channels }, bricks })
     }
 
+    /// Returns the first `most` levels of all bricks without faults, to be drawn at once.
+    fn levels_to_draw(&self, most: usize) -> Result<GivenLevels<'_>> {
+        let (rows, mut limits) = (self.level_rows(most)?, self.level_limits.clone());
+        limits.truncate(rows.len());
+        Ok(GivenLevels { rows, limits: Some(limits) })
+    }
+
     /// Returns the voxels of the first `most` levels of all bricks without faults, from level 1 on.
     fn level_rows(&self, most: usize) -> Result<Vec<Box<dyn Rows + '_>>> {
         let levels = (1..).zip(self.manifest.levels()).take(most);
@@ -240,7 +263,7 @@ impl Collection {
     }
 
     /// Joins the bricks in memory: returns the bytes of the `.adj` file that [`Collection::join`] writes, but with no more than
-    /// `levels` coarser levels of detail.
+    /// `levels` coarser levels of detail, whose limits are means of those of the bricks.
     ///
     /// # Errors
     /// [`Error::Limit`] if the bricks' files are larger than `most` bytes in all; any error of reading them.
@@ -265,7 +288,7 @@ impl Collection {
         }
         let facts = Facts { visible_voxels, ..self.manifest.facts() };
         let output = RowsOutput { facts, threads, ..self.output() };
-        bytes_of_rows_and_levels(&rows, &self.level_rows(levels)?, &output, observer)
+        bytes_of_rows_and_levels(&rows, &self.levels_to_draw(levels)?, &output, observer)
     }
 
     /// Joins the bricks like [`Collection::join`], but with no more than `levels` coarser levels of detail, and to a file without
@@ -282,7 +305,7 @@ impl Collection {
         observer: &mut dyn Observer,
     ) -> Result<AdjFile> {
         let output = RowsOutput { memory, threads, ..self.output() };
-        open_rows_and_levels(folder, &self.rows()?, &self.level_rows(levels)?, &output, observer)
+        open_rows_and_levels(folder, &self.rows()?, &self.levels_to_draw(levels)?, &output, observer)
     }
 
     /// Joins the bricks to an `.adj` file at `path`, with bounded memory; returns its header facts and length in bytes. Pages of
@@ -301,7 +324,8 @@ impl Collection {
         observer: &mut dyn Observer,
     ) -> Result<(Facts, u64)> {
         let output = RowsOutput { memory, threads, ..self.output() };
-        write_rows_and_levels(path, &self.rows()?, &self.level_rows(usize::MAX)?, &output, observer)
+        let levels = GivenLevels { rows: self.level_rows(usize::MAX)?, limits: None };
+        write_rows_and_levels(path, &self.rows()?, &levels, &output, observer)
     }
 
     /// Returns what the joined file holds beside the voxels, to be written by one thread.

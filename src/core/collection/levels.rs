@@ -4,8 +4,10 @@
 //! are those of its bricks, side by side. What is seen of a voxel depends on its neighbours, also beyond the brick's border:
 //! a brick's levels are made of the voxels in its box and in a margin around it.
 
+use zerocopy::byteorder::little_endian::F32;
+
 use super::Partition;
-use crate::arena::layout::Facts;
+use crate::arena::layout::{Facts, LevelLimits};
 use crate::arena::levels::level_facts;
 use crate::arena::{Arena, Lane, LaneRows, Levels, MOST_LEVELS, Region, Rows};
 use crate::classify::TransferFunction;
@@ -112,9 +114,42 @@ pub(super) fn rows_of<'a>(arena: &Arena<'a>, number: u8, window: Option<&Region>
     }))
 }
 
+/// The limit that counts for a brick whose level is never good enough, in pixels: smaller than any that is measured.
+const LEAST_LIMIT: f64 = 0.04;
+
+/// Returns the limits of the `count` levels of a whole, from the number of visible voxels and the limits of each brick; none if a brick
+/// does not say its own.
+///
+/// Squares of errors rise about in proportion to the size of a level's voxels in pixels, and those of a picture are the means of those of
+/// its bricks. So the limit of the whole is the harmonic mean, in which bricks count by their voxels.
+pub(super) fn limits_of_whole<'a>(
+    count: usize,
+    bricks: impl Iterator<Item = (u64, &'a [LevelLimits])>,
+) -> Vec<LevelLimits> {
+    let (mut all, mut sums) = (0.0, vec![[0.0; 2]; count]);
+    for (voxels, limits) in bricks {
+        if limits.len() < count {
+            return Vec::new();
+        }
+        all += voxels as f64;
+        for (sums, LevelLimits { standard, draft }) in sums.iter_mut().zip(limits) {
+            for (sum, limit) in sums.iter_mut().zip([standard, draft]) {
+                *sum += voxels as f64 / f64::from(limit.get()).max(LEAST_LIMIT);
+            }
+        }
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "a limit needs no more than the digits of a single")]
+    let limit = |sum: f64| {
+        let mean = all / sum;
+        F32::new(if mean > LEAST_LIMIT { mean as f32 } else { 0.0 })
+    };
+    sums.into_iter().map(|[standard, draft]| LevelLimits { standard: limit(standard), draft: limit(draft) }).collect()
+}
+
 /// The levels of the whole, whose lanes nobody has: enough to choose a level by.
 pub(super) struct WholeLevels<'a> {
     pub(super) facts: &'a [Facts],
+    pub(super) limits: &'a [LevelLimits],
     pub(super) function: Option<&'a TransferFunction>,
 }
 
@@ -125,6 +160,10 @@ impl Lanes for WholeLevels<'_> {
 
     fn levels(&self) -> &[Facts] {
         self.facts
+    }
+
+    fn level_limits(&self) -> &[LevelLimits] {
+        self.limits
     }
 
     fn build_function(&self) -> Option<&TransferFunction> {

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 
 use super::levels::WholeLevels;
 use super::{Brick, Collection};
-use crate::arena::layout::Facts;
+use crate::arena::layout::{Facts, LevelLimits};
 use crate::arena::{Arena, Lane};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
@@ -83,7 +83,8 @@ impl Collection {
     /// Returns the level of detail that all bricks are drawn from; `None` if each is drawn from the levels that suit its distance
     /// from the eye, as in perspective.
     fn level(&self, transfer: &TransferFunction, camera: &Camera, settings: &Settings) -> Result<Option<usize>> {
-        let whole = WholeLevels { facts: self.levels(), function: self.build_function() };
+        let (facts, limits) = (self.levels(), self.level_limits());
+        let whole = WholeLevels { facts, limits, function: self.build_function() };
         let scene = Scene { facts: &self.manifest().facts(), lanes: &whole, transfer };
         if let Some(level) = settings.level {
             if level > self.levels().len() {
@@ -106,7 +107,8 @@ impl Collection {
     pub fn levels_needed(&self, transfer: &TransferFunction, cameras: &[Camera], settings: &Settings) -> Result<usize> {
         let facts = Facts { visible_voxels: self.visible_voxels(), ..self.manifest().facts() };
         let parts = |camera: &Camera, count: usize| {
-            let lanes = WholeLevels { facts: &self.levels()[..count], function: self.build_function() };
+            let limits = self.level_limits();
+            let lanes = WholeLevels { facts: &self.levels()[..count], limits, function: self.build_function() };
             level_parts(&Scene { facts: &facts, lanes: &lanes, transfer }, camera, settings)
         };
         let mut needed = 0;
@@ -213,6 +215,10 @@ impl Lanes for BrickLanes<'_> {
 
     fn levels(&self) -> &[Facts] {
         &self.levels
+    }
+
+    fn level_limits(&self) -> &[LevelLimits] {
+        &self.brick.level_limits
     }
 
     fn build_function(&self) -> Option<&TransferFunction> {

@@ -34,7 +34,7 @@ use crate::build::encoder::{VoxelEncoder, nothing_visible};
 use crate::build::{BuildOptions, Observer, Resources, SampleSummary, UnnamedLabels};
 use crate::classify::WholeNumbers;
 use crate::error::{Error, Result};
-use crate::file::{AdjFile, RowsOutput, levels_in_files};
+use crate::file::{AdjFile, GivenLevels, RowsOutput, levels_in_files};
 use crate::volume::{Grid, Header, SampleType, SlabSource};
 
 /// Most bricks that one message names.
@@ -462,7 +462,8 @@ impl Plan {
             let place = level.place(region).seen_from(level.place(&wide).low());
             of_levels.push(rows_of(&file.arena()?, 0, Some(&place))?);
         }
-        place.write(folder, &rows, voxels, &of_levels, &output, observer)?;
+        let levels = GivenLevels { rows: of_levels, limits: None };
+        place.write(folder, &rows, voxels, &levels, &output, observer)?;
         // A preview that may be a level is made of the bricks.
         if let (0, Choice::EveryNth(every)) = (place.partition, self.preview_choice(|_| 0)) {
             place.write_preview(folder, &rows, every, &self.grid, &output, observer)?;

@@ -11,7 +11,7 @@ use crate::arena::{Arena, LaneRows, Levels, Region, Rows};
 use crate::build::Observer;
 use crate::build::progress::{Phase, report};
 use crate::error::{Error, Result};
-use crate::file::{AdjFile, RowsOutput, write_folder_atomically, write_rows_and_levels};
+use crate::file::{AdjFile, GivenLevels, RowsOutput, write_folder_atomically, write_rows_and_levels};
 use crate::volume::{Axis, Grid};
 
 /// Writes the voxels of `arena` as a collection at `path`, with a brick for each box of each of `partitions`, one to three.
@@ -66,7 +66,9 @@ pub fn split(
                 let of_level = |(number, level): (u8, &Level)| rows_of(arena, number, Some(&level.place(&region)));
                 let levels = (1..).zip(&levels).map(of_level).collect::<Result<Vec<_>>>()?;
                 let place = BrickPlace { partition: number, region };
-                place.write(folder, &rows, voxels, &levels, &output, observer)?;
+                // Bricks are then drawn from the levels that the whole is drawn from.
+                let limits = Some(arena.level_limits().iter().take(level_count.into()).copied().collect());
+                place.write(folder, &rows, voxels, &GivenLevels { rows: levels, limits }, &output, observer)?;
                 if let (0, Choice::EveryNth(every)) = (number, preview) {
                     place.write_preview(folder, &rows, every, &whole.grid, &output, observer)?;
                 }
@@ -97,13 +99,13 @@ pub(super) struct BrickPlace {
 }
 
 impl BrickPlace {
-    /// Writes a brick of `voxels` visible voxels, with `levels` from level 1 on, into `folder`; none if there are no voxels.
+    /// Writes a brick of `voxels` visible voxels, with `levels`, into `folder`; none if there are no voxels.
     pub(super) fn write(
         &self,
         folder: &Path,
         rows: &dyn Rows,
         voxels: u64,
-        levels: &[Box<dyn Rows + '_>],
+        levels: &GivenLevels,
         output: &RowsOutput,
         observer: &mut dyn Observer,
     ) -> Result<()> {

@@ -108,12 +108,12 @@ pub(crate) fn levels_in_files(
 }
 
 /// Returns the most bytes of a level's file that may be resident; `None` for no limit.
-fn most_resident(output: &RowsOutput) -> Option<u64> {
+pub(super) fn most_resident(output: &RowsOutput) -> Option<u64> {
     // Where the system cannot release pages, it may take them back by itself.
     output.memory.filter(|_| cfg!(unix)).map(|memory| (memory / RESIDENT_SHARE).min(RESIDENT_BYTES))
 }
 
-fn bounded(level: AdjFile, limit: Option<u64>) -> Result<AdjFile> {
+pub(super) fn bounded(level: AdjFile, limit: Option<u64>) -> Result<AdjFile> {
     match limit {
         Some(limit) => level.keep_resident_below(limit),
         None => Ok(level),

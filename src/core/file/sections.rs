@@ -27,10 +27,14 @@ impl<'a> SectionFile<'a> {
     pub(super) fn section(&mut self, empty: SectionEntry, bytes: u64) -> SectionWriter<'a> {
         let offset = aligned(self.end);
         self.end = offset + bytes;
-        let entry = SectionEntry { offset: U64::new(offset), bytes: U64::new(bytes), ..empty };
+        self.again(SectionEntry { offset: U64::new(offset), bytes: U64::new(bytes), ..empty })
+    }
+
+    /// Returns a writer of other bytes of a section that was added, of the same length.
+    pub(super) fn again(&self, entry: SectionEntry) -> SectionWriter<'a> {
         let (file, path) = (self.file, self.path);
         let buffer_bytes = usize::try_from(WRITE_BYTES).expect("256 KiB");
-        let out = BufWriter::with_capacity(buffer_bytes, FilePart { file, at: offset });
+        let out = BufWriter::with_capacity(buffer_bytes, FilePart { file, at: entry.offset.get() });
         SectionWriter { path, entry, out, checksum: Xxh3::new() }
     }
 

@@ -13,19 +13,22 @@ use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
 use super::atomic::{scratch_folder, write_file_atomically};
 use super::atomic_temporary::unnamed;
-use super::levels::{given_levels_in_files, given_levels_in_memory, levels_in_files, levels_in_memory};
+use super::levels::{
+    bounded, given_levels_in_files, given_levels_in_memory, levels_in_files, levels_in_memory, most_resident,
+};
 use super::map::AdjFile;
 use super::sections::SectionFile;
 use crate::arena::lane::stored_line_ends;
-use crate::arena::layout::{self, Facts, FileHeader, SectionEntry, SectionKind, TileRecord, aligned};
+use crate::arena::layout::{self, Facts, FileHeader, LevelLimits, SectionEntry, SectionKind, TileRecord, aligned};
 use crate::arena::pack::{ChannelArrays, TileRun};
 use crate::arena::pager::tell;
-use crate::arena::{Channels, Levels, MOST_LEVELS, OwnedLane, Rows};
+use crate::arena::{Arena, Channels, Levels, MOST_LEVELS, OwnedLane, Rows};
 use crate::build::assemble::{Assembler, LaneTotals};
 use crate::build::builder::lanes_of;
 use crate::build::progress::{Observer, Phase, report};
 use crate::error::{Error, Result};
 use crate::limits::Limits;
+use crate::splat::level_limits::measure;
 use crate::volume::Axis;
 
 /// Returns the bytes of an `.adj` file.
@@ -33,12 +36,21 @@ use crate::volume::Axis;
 /// `description` is a JSON text of at most [`MAX_DESCRIPTION_BYTES`](crate::limits::MAX_DESCRIPTION_BYTES). `lanes` are
 /// the lanes to store: along x, or x and y, or x, y and z.
 pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec<u8> {
-    bytes_with_levels(facts, lanes, description, &[])
+    bytes_with_levels(facts, lanes, description, &[], &[])
 }
 
-/// Returns the bytes of an `.adj` file like [`arena_bytes`], with coarser levels, from level 1 on.
-fn bytes_with_levels(facts: &Facts, lanes: &[OwnedLane], description: &str, levels: &[Vec<u8>]) -> Vec<u8> {
+/// Returns the bytes of an `.adj` file like [`arena_bytes`], with coarser levels, from level 1 on, and their limits.
+fn bytes_with_levels(
+    facts: &Facts,
+    lanes: &[OwnedLane],
+    description: &str,
+    levels: &[Vec<u8>],
+    limits: &[LevelLimits],
+) -> Vec<u8> {
     let mut sections = vec![(SectionEntry::empty(SectionKind::Description, None, 1), description.as_bytes())];
+    if !limits.is_empty() {
+        sections.push((limits_entry(), limits.as_bytes()));
+    }
     sections
         .extend((1..=MOST_LEVELS).zip(levels).rev().map(|(level, bytes)| (SectionEntry::of_level(level), &bytes[..])));
     for lane in lanes {
@@ -65,6 +77,36 @@ fn bytes_with_levels(facts: &Facts, lanes: &[OwnedLane], description: &str, leve
     }
     file.resize(whole, 0);
     file
+}
+
+/// Returns the entry of the section of the levels' limits, without a position.
+fn limits_entry() -> SectionEntry {
+    SectionEntry::empty(SectionKind::LevelLimits, None, u8::try_from(size_of::<LevelLimits>()).expect("8"))
+}
+
+/// Returns the bytes of an `.adj` file like [`bytes_with_levels`], with these limits; `None` measures them.
+fn bytes_with_limits(
+    lanes: &[OwnedLane],
+    levels: &[Vec<u8>],
+    limits: Option<&[LevelLimits]>,
+    output: &RowsOutput,
+    observer: &mut dyn Observer,
+) -> Result<Vec<u8>> {
+    let bytes = |limits: &[_]| bytes_with_levels(&output.facts, lanes, output.description, levels, limits);
+    let unmeasured = vec![LevelLimits::default(); levels.len()];
+    let file = bytes(limits.unwrap_or(&unmeasured));
+    if limits.is_some() || levels.is_empty() {
+        return Ok(file);
+    }
+    let arena = Arena::new(&file).map_err(|fault| Error::Format { path: "memory".into(), fault })?;
+    let limits = measured(&arena, output, observer)?;
+    drop(file);
+    Ok(bytes(&limits))
+}
+
+/// Returns the limits of the levels of a file that is written but for these.
+fn measured(arena: &Arena, output: &RowsOutput, observer: &mut dyn Observer) -> Result<Vec<LevelLimits>> {
+    measure(arena, output.threads, &mut |done, total| report(observer, Phase::Limits, done, total))
 }
 
 /// Returns the entries of a lane's sections, without positions; `None` for a channel that is not stored.
@@ -99,19 +141,27 @@ pub struct RowsOutput<'a> {
 pub(crate) fn bytes_of_rows(rows: &dyn Rows, output: &RowsOutput, observer: &mut dyn Observer) -> Result<Vec<u8>> {
     let levels = levels_in_memory(rows, output, observer)?;
     let lanes = lanes_of(rows, &output.facts, output.lane_count, output.threads, observer)?;
-    Ok(bytes_with_levels(&output.facts, &lanes, output.description, &levels))
+    bytes_with_limits(&lanes, &levels, None, output, observer)
 }
 
-/// Returns the bytes of an `.adj` file like [`bytes_of_rows`], whose levels have the voxels of `levels`, from level 1 on.
+/// Levels that are there already.
+pub(crate) struct GivenLevels<'a> {
+    /// Their voxels, from level 1 on.
+    pub(crate) rows: Vec<Box<dyn Rows + 'a>>,
+    /// Their limits; `None` measures them, and an empty list leaves them out.
+    pub(crate) limits: Option<Vec<LevelLimits>>,
+}
+
+/// Returns the bytes of an `.adj` file like [`bytes_of_rows`] with these levels.
 pub(crate) fn bytes_of_rows_and_levels(
     rows: &dyn Rows,
-    levels: &[Box<dyn Rows + '_>],
+    levels: &GivenLevels,
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<Vec<u8>> {
-    let levels = given_levels_in_memory(levels, output, observer)?;
+    let written = given_levels_in_memory(&levels.rows, output, observer)?;
     let lanes = lanes_of(rows, &output.facts, output.lane_count, output.threads, observer)?;
-    Ok(bytes_with_levels(&output.facts, &lanes, output.description, &levels))
+    bytes_with_limits(&lanes, &written, levels.limits.as_deref(), output, observer)
 }
 
 /// Writes the voxels of `rows` to an `.adj` file, with bounded memory. Returns its header facts and length in bytes.
@@ -133,14 +183,14 @@ pub fn write_rows(
     })
 }
 
-/// Writes an `.adj` file like [`write_rows`], whose levels have the voxels of `levels`, from level 1 on.
+/// Writes an `.adj` file like [`write_rows`] with these levels.
 ///
 /// # Errors
 /// The same as [`write_rows`].
 pub(crate) fn write_rows_and_levels(
     path: &Path,
     rows: &dyn Rows,
-    levels: &[Box<dyn Rows + '_>],
+    levels: &GivenLevels,
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<(Facts, u64)> {
@@ -175,14 +225,14 @@ pub fn open_rows(folder: &Path, rows: &dyn Rows, output: &RowsOutput, observer: 
     AdjFile::of(&file, folder, &Limits::default())
 }
 
-/// Writes an `.adj` file like [`open_rows`], whose levels have the voxels of `levels`, from level 1 on.
+/// Writes an `.adj` file like [`open_rows`] with these levels.
 ///
 /// # Errors
 /// The same as [`write_rows`].
 pub(crate) fn open_rows_and_levels(
     folder: &Path,
     rows: &dyn Rows,
-    levels: &[Box<dyn Rows + '_>],
+    levels: &GivenLevels,
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<AdjFile> {
@@ -197,13 +247,13 @@ fn write_rows_and_levels_to(
     path: &Path,
     folder: &Path,
     rows: &dyn Rows,
-    levels: &[Box<dyn Rows + '_>],
+    levels: &GivenLevels,
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<(Facts, u64)> {
     Limits::check_description(output.description)?;
-    let levels = given_levels_in_files(folder, levels, output, observer)?;
-    write_sections(file, path, levels, rows, output, observer)
+    let written = given_levels_in_files(folder, &levels.rows, output, observer)?;
+    write_sections(file, path, (written, levels.limits.as_deref()), rows, output, observer)
 }
 
 /// Writes the voxels of `rows` to `file`; `path` is used in messages. Levels are made in `folder`.
@@ -217,7 +267,7 @@ pub(super) fn write_rows_to(
 ) -> Result<(Facts, u64)> {
     Limits::check_description(output.description)?;
     let levels = levels_in_files(folder, rows, output, observer)?;
-    write_sections(file, path, levels, rows, output, observer)
+    write_sections(file, path, (levels, None), rows, output, observer)
 }
 
 /// Returns the facts with which rows are written: normals have a coherence if those of the rows have. Levels that an older version
@@ -227,11 +277,11 @@ pub(super) fn facts_of_rows(facts: &Facts, rows: &dyn Rows) -> Facts {
     Facts { channels: Channels { coherence, ..facts.channels }, ..facts.clone() }
 }
 
-/// Writes the voxels of `rows`, and `levels`, to `file`; `path` is used in messages.
+/// Writes the voxels of `rows`, and `levels` with their limits, to `file`; `path` is used in messages. `None` measures them.
 fn write_sections(
     file: &File,
     path: &Path,
-    levels: Vec<AdjFile>,
+    (levels, limits): (Vec<AdjFile>, Option<&[LevelLimits]>),
     rows: &dyn Rows,
     output: &RowsOutput,
     observer: &mut dyn Observer,
@@ -241,13 +291,21 @@ fn write_sections(
     let facts = &facts_of_rows(&output.facts, rows);
     facts.grid.check()?;
     let entries = |axis| lane_entries(facts, axis);
-    let section_count = 1 + levels.len() + lanes.clone().flat_map(entries).flatten().count();
+    let unmeasured = vec![LevelLimits::default(); levels.len()];
+    let first_limits = limits.unwrap_or(&unmeasured);
+    let section_count =
+        1 + usize::from(!first_limits.is_empty()) + levels.len() + lanes.clone().flat_map(entries).flatten().count();
     out.end = (size_of::<FileHeader>() + section_count * size_of::<SectionEntry>()) as u64;
 
     let text = output.description.as_bytes();
     let mut description = out.section(SectionEntry::empty(SectionKind::Description, None, 1), text.len() as u64);
     description.write(text)?;
     let mut table = vec![description.finish()?];
+    if !first_limits.is_empty() {
+        let mut section = out.section(limits_entry(), size_of_val(first_limits) as u64);
+        section.write(first_limits.as_bytes())?;
+        table.push(section.finish()?);
+    }
     for (number, level) in (1..=MOST_LEVELS).zip(&levels).rev() {
         let arena = level.arena()?;
         let mut section = out.section(SectionEntry::of_level(number), arena.bytes().len() as u64);
@@ -295,15 +353,29 @@ fn write_sections(
     }
     let facts = Facts { visible_voxels, ..facts.clone() };
     let bytes = out.finish(&facts, &table)?;
+    if limits.is_none() && !unmeasured.is_empty() {
+        let written = bounded(AdjFile::of(file, path, &Limits::default())?, most_resident(output))?;
+        let limits = measured(&written.arena()?, output, observer)?;
+        drop(written);
+        let mut section = out.again(table[1]);
+        section.write(limits.as_bytes())?;
+        table[1] = section.finish()?;
+        out.finish(&facts, &table)?;
+    }
     Ok((facts, bytes))
 }
 
 /// Returns the header for a file whose last section ends at byte `end`.
 pub(super) fn header_with_checksum(facts: &Facts, table: &[SectionEntry], end: u64) -> FileHeader {
     let mut header = layout::header_of(facts);
-    if table.iter().any(|entry| entry.kind.get() >= layout::OPTIONAL_KINDS) {
-        header.minor = U16::new(if facts.channels.coherence { layout::COHERENT_MINOR } else { layout::MINOR });
-    }
+    let has = |kind: SectionKind| table.iter().any(|entry| entry.known_kind() == Some(kind));
+    header.minor = U16::new(match (has(SectionKind::Coverage), has(SectionKind::LevelLimits)) {
+        // In a higher version the normals of coverages would have a coherence.
+        (true, _) if !facts.channels.coherence => layout::MINOR,
+        (_, true) => layout::LIMITED_MINOR,
+        (true, _) => layout::COHERENT_MINOR,
+        _ => 0,
+    });
     header.section_count = U32::new(u32::try_from(table.len()).expect("at most 1,024 sections"));
     header.file_bytes = U64::new(aligned(end));
     header.header_xxh3 = U64::new(layout::header_checksum(&header, table));

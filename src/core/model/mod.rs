@@ -15,7 +15,7 @@ pub use transfer::{drawable, missing_values, stored_transfer};
 pub use voxels::{ModelVoxel, Voxels};
 
 use crate::arena::lanes::DerivedLanes;
-use crate::arena::layout::Facts;
+use crate::arena::layout::{Facts, LevelLimits};
 use crate::arena::{Arena, CodeCounts, Directory, Lane, MOST_LEVELS};
 use crate::build::Unobserved;
 use crate::classify::TransferFunction;
@@ -45,9 +45,10 @@ struct Stored {
     bytes: Bytes,
     facts: Facts,
     derived: DerivedLanes,
-    /// The facts of the coarser levels of detail, and their derived lanes; level 1 first.
+    /// The facts of the coarser levels of detail, their derived lanes, and their limits; level 1 first.
     level_facts: Vec<Facts>,
     level_lanes: Vec<DerivedLanes>,
+    level_limits: Vec<LevelLimits>,
     /// The function that the file was built with.
     build_function: TransferFunction,
 }
@@ -140,8 +141,8 @@ impl Model {
         let level_facts: Vec<Facts> =
             (1..=MOST_LEVELS).map_while(|level| bytes.level(level).map(|level| level.facts().clone())).collect();
         let level_lanes = level_facts.iter().map(|_| DerivedLanes::new(derived.memory())).collect();
-        let build_function = transfer.clone();
-        let stored = Stored { bytes, facts, derived, level_facts, level_lanes, build_function };
+        let (build_function, level_limits) = (transfer.clone(), arena.level_limits().to_vec());
+        let stored = Stored { bytes, facts, derived, level_facts, level_lanes, level_limits, build_function };
         Ok(Model { stored: Arc::new(stored), transfer: Arc::new(transfer) })
     }
 
@@ -289,6 +290,10 @@ impl Lanes for Model {
 
     fn levels(&self) -> &[Facts] {
         &self.stored.level_facts
+    }
+
+    fn level_limits(&self) -> &[LevelLimits] {
+        &self.stored.level_limits
     }
 
     fn build_function(&self) -> Option<&TransferFunction> {

@@ -5,9 +5,8 @@
 //! from the nearest place of the run. Parts meet at whole blocks, so no voxel is drawn twice or left out, and the order of
 //! the slices stays exact.
 //!
-//! A level is drawn if the longest edge of its voxels is at most as many pixels as the quality allows, fewer for thin matter
-//! (docs/studies/levels.md), and if it has clearly fewer voxels than level 0. All renderers and judges take the same choice from
-//! here.
+//! A level is drawn if the longest edge of its voxels is at most as many pixels as its limit for the quality
+//! (docs/studies/levels.md), and if it has clearly fewer voxels than level 0. All renderers and judges take the same choice from here.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -26,44 +25,11 @@ use crate::volume::{Axis, Grid};
 
 /// A level with more voxels than this, for each voxel of level 0, is not drawn: its voxels lie beside the points of the grid, and
 /// drawing one takes 1.1 to 1.8 times as long as drawing one of level 0.
-const WORTHWHILE: f64 = 0.4;
+pub(super) const WORTHWHILE: f64 = 0.4;
 
-/// What a level can show well. The crowding of level 1 tells solid from thin matter: how many blocks are needed for each that the voxels
-/// of level 0 would fill.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Matter {
-    /// Crowding is 1.04 to 1.52 (mr has the most); in label maps 1.04 (an atlas of large organs).
-    Solid,
-    /// Label maps whose blocks often hold several labels: a frog has 1.16.
-    ThinOrgans,
-    /// Blocks hold both sides of a sheet, of which a level has one colour. Crowding is 1.75 in shells, 2.2 in sheets of two voxels, 7.7
-    /// in specks.
-    Thin,
-}
-
-impl Matter {
-    /// The largest crowding of solid matter.
-    const SOLID: f64 = 1.6;
-    /// The same in label maps.
-    const SOLID_LABELS: f64 = 1.1;
-    /// The largest crowding of thin organs.
-    const THIN_ORGANS: f64 = 1.3;
-
-    /// Returns the matter of a scene that has levels.
-    ///
-    /// Bounds are for blocks of eight points. For blocks of four they are raised to the power 2/3, for blocks of two to 1/3: shells of
-    /// 48^3 points with spacings of 1 : 1 : 3, whose blocks have four points, have a crowding of 1.51, and 35.5 dB from level 1.
-    fn of(scene: &Scene) -> Matter {
-        let points: u32 = factors(&scene.facts.grid, &facts_of(scene, 1).grid).iter().product();
-        let crowding = (share(scene, 1) * f64::from(points)).powf(3.0 / f64::from(points).log2().max(1.0));
-        match scene.transfer.is_labels() {
-            false if crowding <= Matter::SOLID => Matter::Solid,
-            true if crowding <= Matter::SOLID_LABELS => Matter::Solid,
-            true if crowding <= Matter::THIN_ORGANS => Matter::ThinOrgans,
-            _ => Matter::Thin,
-        }
-    }
-}
+/// The most pixels of a draft's level whose limit is not known, as files had none before version 1.3: level 1 of shells has 30.8 dB there, which is
+/// the least of all sets.
+const UNMEASURED: f64 = 0.5;
 
 /// A crop that divides blocks of a level is drawn from that level only if it is at least so many blocks thick, as it is rounded
 /// to whole blocks: a crop of one slice would vanish, or become a block thick.
@@ -137,30 +103,16 @@ pub fn level_settings(settings: &Settings, grid: &Grid, level: &Grid) -> Setting
 }
 
 /// Returns the most pixels that the longest edge of a voxel of `level` may have; 0 if the level is never drawn.
-///
-/// The aim is 38 dB from level 0 at [`Quality::Standard`] and 30 dB at [`Quality::Draft`], in the worst of six views. The sets
-/// of docs/studies/levels.md keep it with these numbers, but for one view of engine at draft (29.5 dB, level 3). Finer waves and masks have
-/// less. What each number comes from, in the worst view of several:
-///
-/// * Standard, level 1: at 0.7 pixels atlas has 37.5 dB, at 0.8 engine 38.3. Thin organs: frog has 37.9 dB at 0.44 pixels.
-/// * Standard, level 2: at 0.25 pixels engine has 38.6 dB.
-/// * Draft, level 1: at 1.4 pixels frog has 31.8 dB, engine 32.8. Level 2: at 1.4 pixels engine has 30.6. Level 3: at 1 pixel
-///   engine has 29.5 dB in one view, vessels 30.0.
-/// * Thin matter at standard: level 1 of shells has 30.8 dB at 0.5 pixels.
-/// * Thin matter at draft: level 1 has 30.8 dB at 0.5 pixels (shells). Level 2 has less than 27 there in walls of two colours.
-fn most_pixels(quality: Quality, level: usize, matter: Matter) -> f64 {
-    match (quality, level, matter) {
-        (_, 0, _) => f64::INFINITY,
-        (Quality::Draft, 1, Matter::Thin) => 0.54,
-        (Quality::Draft, 1 | 2, Matter::Solid | Matter::ThinOrgans) => 1.4,
-        (Quality::Draft, 3, Matter::Solid | Matter::ThinOrgans) => 1.05,
-        (Quality::Draft, ..) => 0.25,
-        (Quality::Standard, 1, Matter::Solid) => 0.6,
-        (Quality::Standard, 1, Matter::ThinOrgans) => 0.42,
-        (Quality::Standard, 2, Matter::Solid | Matter::ThinOrgans) => 0.25,
-        (Quality::Standard, _, Matter::Solid | Matter::ThinOrgans) => 0.125,
-        (Quality::Standard | Quality::High | Quality::Reference, ..) => 0.0,
-    }
+fn most_pixels(scene: &Scene, level: usize, quality: Quality) -> f64 {
+    let limits = scene.lanes.level_limits();
+    let pixels = match (level.checked_sub(1), quality) {
+        (None, _) => return f64::INFINITY,
+        (Some(below), Quality::Draft) => limits.get(below).map_or(UNMEASURED, |limits| limits.draft.get().into()),
+        (Some(below), Quality::Standard) => limits.get(below).map_or(0.0, |limits| limits.standard.get().into()),
+        (_, Quality::High | Quality::Reference) => 0.0,
+    };
+    // A damaged file may have anything.
+    if pixels >= 0.0 { pixels } else { 0.0 }
 }
 
 /// Returns how many voxels a level has for each of level 0.
@@ -231,14 +183,13 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
         let grid = &facts_of(scene, level).grid;
         grid.spacing.into_iter().fold(0.0, f64::max) / view.mean_voxel
     };
-    let matter = Matter::of(scene);
     // The distance from the eye, in mean voxels of level 0, from which on a level is drawn; 0 or infinity in parallel views.
     let distances: Vec<f64> = (0..=levels)
         .map(|level| {
             if level > 0 && share(scene, level) > WORTHWHILE {
                 return f64::INFINITY;
             }
-            let most = most_pixels(settings.quality, level, matter);
+            let most = most_pixels(scene, level, settings.quality);
             match &view.map {
                 PixelMap::Parallel { scale, .. } if edge(level) * scale <= most => 0.0,
                 PixelMap::Parallel { .. } => f64::INFINITY,

@@ -17,6 +17,7 @@ pub(crate) mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub(crate) mod kernel;
+pub(crate) mod level_limits;
 pub(crate) mod levels;
 pub(crate) mod near;
 mod outline;
@@ -33,7 +34,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use serde::{Deserialize, Serialize};
 
 use self::block_kernel::Blocks;
-use crate::arena::layout::Facts;
+use crate::arena::layout::{Facts, LevelLimits};
 use crate::arena::{Lane, LaneSet, Overlay, OwnedLane};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
@@ -59,6 +60,11 @@ pub trait Lanes: Sync {
 
     /// Returns the facts of the coarser levels of detail, level 1 first; none by default.
     fn levels(&self) -> &[Facts] {
+        &[]
+    }
+
+    /// Returns the limits of these levels, level 1 first; none by default, if they are not known.
+    fn level_limits(&self) -> &[LevelLimits] {
         &[]
     }
 

@@ -141,6 +141,14 @@ impl Supersampling {
         (factor > 1).then(|| Supersampling { factor, size: view.size, sigma: sigma(factor).max(LEAST_SIGMA) })
     }
 
+    /// Returns the supersampling that makes a picture of `size` from pictures with `factor` pixels for each of its own along a side;
+    /// `None` for 1.
+    pub(crate) fn of_pixels(factor: u32, size: [u32; 2]) -> Option<Supersampling> {
+        let [of_picture, of_sample] = [f64::from(factor), 1.0].map(|samples| samples * f64::from(LOW_PASS));
+        let sigma = (of_picture * of_picture - of_sample * of_sample).sqrt();
+        (factor > 1).then_some(Supersampling { factor, size, sigma })
+    }
+
     /// Returns the number of columns and rows of samples.
     fn size(&self) -> [u32; 2] {
         self.size.map(|side| side * self.factor)

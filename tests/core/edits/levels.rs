@@ -190,9 +190,10 @@ fn the_first_bytes_of_a_file_are_its_coarsest_level() {
     let count = arena.level_count();
     let levels: Vec<_> = (1..=count).rev().map(Some).collect();
     assert!(count > 2);
-    assert_eq!(numbers[0], None);
-    assert_eq!(numbers[1..=count.into()], levels);
-    assert!(numbers[1 + usize::from(count)..].iter().all(Option::is_none));
+    // The description and the limits.
+    assert_eq!(numbers[..2], [None, None]);
+    assert_eq!(numbers[2..2 + usize::from(count)], levels);
+    assert!(numbers[2 + usize::from(count)..].iter().all(Option::is_none));
 }
 
 /// Cubes of `edge` points of which every `every`-th point is visible.

@@ -1,4 +1,4 @@
-//! The slow twin of `Arena::check`: rules R13 to R20, R25 and R26, read off adj-1.md with sets and maps instead of sums.
+//! The slow twin of `Arena::check`: rules R13 to R20 and R25 to R27, read off adj-1.md with sets and maps instead of sums.
 //!
 //! It shares the record structs with the library and nothing else.
 
@@ -10,7 +10,13 @@ use crate::format::mutants::is_whole;
 
 /// Whether the lanes and the levels of an arena that opened are sound.
 pub(crate) fn sound(arena: &Arena) -> bool {
-    lanes_agree(arena).is_some_and(|voxels| levels_follow(arena, voxels))
+    lanes_agree(arena).is_some_and(|voxels| levels_follow(arena, voxels)) && limits_are_sizes(arena)
+}
+
+/// Whether limits of levels, if there are any, are numbers of pixels.
+fn limits_are_sizes(arena: &Arena) -> bool {
+    let all = arena.level_limits().iter().flat_map(|limits| [limits.standard.get(), limits.draft.get()]);
+    all.into_iter().all(|pixels| (0.0..=f32::MAX).contains(&pixels))
 }
 
 /// The voxels of all lanes, if these are sound and the same.

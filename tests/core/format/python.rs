@@ -154,6 +154,12 @@ fn the_python_reader_refuses_what_it_cannot_read() {
         ("R11", "x-coverage-half-a-word.adj"),
         ("R11", "x-coverage-too-few.adj"),
         ("R24", "x-level-description.adj"),
+        ("R10", "x-limits-axis.adj"),
+        ("R11", "x-limits-elements.adj"),
+        ("R27", "x-limits-lacking.adj"),
+        ("R27", "x-limits-nan.adj"),
+        ("R27", "x-limits-negative.adj"),
+        ("R10", "x-limits-twice.adj"),
     ];
     let Some(output) = read_adj(&refused.map(|(_, name)| name)) else { return };
     let messages = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -61,6 +61,11 @@ pub(crate) fn described(text: &str) -> Vec<u8> {
     rebuilt("worked.adj", |p| p.sections[0].bytes = text.as_bytes().to_vec())
 }
 
+/// The example with limits of levels, whose section of limits is its last one, changed.
+fn in_limits(change: impl FnOnce(&mut Part)) -> Vec<u8> {
+    rebuilt("limits.adj", |p| change(p.sections.last_mut().expect("the limits")))
+}
+
 /// Every file that must be refused.
 pub(crate) fn refused() -> Vec<(&'static str, Vec<u8>)> {
     use SectionKind::{Coverage, LineEnds, Steps, Tiles, Values};
@@ -294,6 +299,18 @@ pub(crate) fn refused() -> Vec<(&'static str, Vec<u8>)> {
                 let bytes = &mut p.section(Coverage, x).bytes;
                 let other = (1..bytes.len()).find(|&i| bytes[i] != 0 && bytes[i] != bytes[0]).unwrap();
                 bytes.swap(0, other);
+            }),
+        ),
+        ("x-limits-axis.adj", in_limits(|limits| limits.axis = 0)),
+        ("x-limits-elements.adj", in_limits(|limits| limits.element_bytes = 4)),
+        ("x-limits-lacking.adj", in_limits(|limits| limits.bytes.truncate(8))),
+        ("x-limits-nan.adj", in_limits(|limits| limits.bytes[..4].copy_from_slice(&f32::NAN.to_le_bytes()))),
+        ("x-limits-negative.adj", in_limits(|limits| limits.bytes[15] |= 0x80)),
+        (
+            "x-limits-twice.adj",
+            rebuilt("limits.adj", |p| {
+                let limits = p.sections.last().cloned();
+                p.sections.extend(limits);
             }),
         ),
     ]

@@ -116,6 +116,12 @@ fn scattered(seed: u64, dims: [u32; 3], channels: Channels, count: usize) -> Vec
     voxels
 }
 
+/// The section of limits of levels, by standard and draft quality.
+fn limits(limits: &[[f32; 2]]) -> Part {
+    let bytes = limits.as_flattened().iter().flat_map(|pixels| pixels.to_le_bytes()).collect();
+    Part { kind: 0x8011, axis: 255, element_bytes: 8, bytes }
+}
+
 /// Voxels of rising value at `places`.
 fn numbered(places: &[[u16; 3]]) -> Vec<Voxel> {
     (1..).zip(places).map(|(value, &at)| (at, Record { value, normal: 0, magnitude: 0, coverage: 0 })).collect()
@@ -213,6 +219,13 @@ pub(crate) fn scenes() -> Vec<Scene> {
             levels: 2,
             description: Some(LABELS_SHOWN.to_owned()),
             ..scene("levels-labels.adj", [8, 4, 4], covered, 1, few_labels)
+        },
+        // Where levels may be drawn.
+        Scene {
+            minor: 3,
+            levels: 2,
+            extra: vec![limits(&[[0.75, 1.25], [0.0, 0.5]])],
+            ..scene("limits.adj", [9, 5, 4], narrow, 1, scattered(14, [9, 5, 4], narrow, 60))
         },
     ]
 }
