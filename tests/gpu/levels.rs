@@ -2,7 +2,7 @@
 //!
 //! Tolerance as in `pictures`: the same splats in the same order, up to rounding.
 
-use adjsplat::arena::layout::Facts;
+use adjsplat::arena::layout::{Facts, LevelLimits};
 use adjsplat::arena::{Channels, Coverage, Lane, OwnedLane, Record, coarser};
 use adjsplat::build::Built;
 use adjsplat::classify::TransferFunction;
@@ -26,6 +26,7 @@ const PLENTY: u64 = 512 << 20;
 pub(crate) struct Levelled {
     pub(crate) levels: Vec<Built>,
     facts: Vec<Facts>, // Of the coarser levels.
+    limits: Vec<LevelLimits>,
 }
 
 impl Lanes for Levelled {
@@ -35,6 +36,10 @@ impl Lanes for Levelled {
 
     fn levels(&self) -> &[Facts] {
         &self.facts
+    }
+
+    fn level_limits(&self) -> &[LevelLimits] {
+        &self.limits
     }
 
     fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {
@@ -63,7 +68,8 @@ impl Levelled {
             levels[1..].iter_mut().for_each(widen);
         }
         let facts = levels[1..].iter().map(|level| level.facts.clone()).collect();
-        Levelled { levels, facts }
+        let limits = [0.6, 0.25].map(|standard| LevelLimits { standard: standard.into(), draft: 1.4.into() }).into();
+        Levelled { levels, facts, limits }
     }
 
     pub(crate) fn scene(&self) -> Scene<'_> {
