@@ -1,9 +1,11 @@
 //! Pictures of levels of detail, beside those of the voxels themselves.
 
+use adjsplat::arena::Lane;
+use adjsplat::arena::layout::{Facts, LevelLimits};
 use adjsplat::classify::TransferFunction;
 use adjsplat::internals::{LevelPart, level_parts};
-use adjsplat::splat::{Camera, Code, Frame, Lanes, Mode, Projection, Quality, Settings};
-use adjsplat::volume::SampleType;
+use adjsplat::splat::{Camera, Code, Frame, Lanes, Mode, Projection, Quality, Scene, Settings};
+use adjsplat::volume::{Axis, SampleType};
 use adjsplat::{Build, Model};
 use adjsplat_tests::pictures::{alphas, decibels};
 use adjsplat_tests::real_volume;
@@ -208,6 +210,58 @@ fn a_perspective_with_several_levels_has_no_seam() {
         frame == draw(&model, &camera, &settings.clone().with_code(Code::Plain)),
         "the plain twin draws other bits"
     );
+}
+
+/// Scenes whose limits are other than those of their file.
+struct WithLimits<'a>(&'a Model, Vec<LevelLimits>);
+
+impl Lanes for WithLimits<'_> {
+    fn lane(&self, axis: Axis) -> adjsplat::Result<Lane<'_>> {
+        Lanes::lane(self.0, axis)
+    }
+
+    fn levels(&self) -> &[Facts] {
+        self.0.levels()
+    }
+
+    fn level_limits(&self) -> &[LevelLimits] {
+        &self.1
+    }
+}
+
+#[test]
+fn a_level_is_drawn_up_to_its_limit_and_one_without_a_known_limit_in_small_drafts_only() {
+    let model = model("shells", [64; 3], [1.0; 3], 2, 0.8);
+    let size = [16, 16];
+    let level = |limits: &[[f32; 2]], quality: Quality, pixels: f64| {
+        let limits =
+            limits.iter().map(|&[standard, draft]| LevelLimits { standard: standard.into(), draft: draft.into() });
+        let lanes = WithLimits(&model, limits.collect());
+        let scene = Scene { lanes: &lanes, ..model.scene() };
+        let camera = parallel(&model, [35.0, 20.0], pixels, size);
+        level_parts(&scene, &camera, &Settings::new(size).with_quality(quality)).unwrap()[0].level
+    };
+    // The longest edge of a voxel has 2 and 4 times as many pixels as one of level 0.
+    let limits = [[0.8, 1.2], [0.4, 2.0]];
+    for (quality, pixels, drawn) in [
+        (Quality::Standard, 0.41, 0),
+        (Quality::Standard, 0.39, 1),
+        (Quality::Standard, 0.11, 1),
+        (Quality::Standard, 0.09, 2),
+        (Quality::Draft, 0.61, 0),
+        (Quality::Draft, 0.59, 1),
+        (Quality::Draft, 0.49, 2),
+        (Quality::High, 0.09, 0),
+    ] {
+        assert_eq!(level(&limits, quality, pixels), drawn, "{quality:?} {pixels}");
+    }
+    for unknown in [&[][..], &[[0.0, 0.5]]] {
+        assert_eq!(level(unknown, Quality::Standard, 0.05), 0);
+        assert_eq!([0.26, 0.24, 0.13, 0.12].map(|pixels| level(unknown, Quality::Draft, pixels)), [0, 1, 1, 2]);
+    }
+    // What a damaged file may have.
+    assert_eq!(level(&[[f32::NAN, -1.0], [-0.0, f32::NAN]], Quality::Standard, 0.05), 0);
+    assert_eq!(level(&[[f32::NAN, -1.0], [-0.0, f32::NAN]], Quality::Draft, 0.05), 0);
 }
 
 #[test]
