@@ -15,13 +15,12 @@ use crate::arena::layout::{Facts, LevelLimits};
 use crate::arena::{Arena, Lane};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
-use crate::volume::{Axis, Grid};
+use crate::volume::Axis;
 
 /// Azimuth and elevation of the views, in degrees: along the three axes, where blocks lie behind one another, and five others.
 const DIRECTIONS: [[f64; 2]; 8] =
     [[0.0, 0.0], [90.0, 0.0], [0.0, 90.0], [35.0, 25.0], [300.0, 50.0], [200.0, 5.0], [125.0, -30.0], [250.0, -20.0]];
-/// How many samples along a side become one pixel of a picture that levels are compared with. The longest edge of a voxel has one
-/// sample.
+/// How many samples along a side become one pixel of a picture that levels are compared with. A voxel of mean spacing has one sample.
 const FACTORS: [u32; 11] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48];
 /// Pictures with a multiple of so many samples a side can be divided by all [`FACTORS`].
 const ALL_FACTORS: u32 = 96;
@@ -129,7 +128,7 @@ impl Samples {
         let Projection::Parallel { height } = orbit.to_camera(outline, [ALL_FACTORS; 2])?.projection() else {
             return Ok(None);
         };
-        let sample = longest_edge(&scene.facts.grid);
+        let sample = scene.facts.grid.mean_spacing();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 768 after the clamp")]
         let side = ((height / sample).ceil().clamp(1.0, MOST_SAMPLES.into()) as u32).next_multiple_of(ALL_FACTORS);
         let edge = if f64::from(side) * sample < height { EDGE } else { 0 };
@@ -174,7 +173,8 @@ impl Search {
     /// Returns the searches for a level; none if it is never drawn.
     fn of_level(scene: &Scene, level: usize) -> Vec<Search> {
         let facts = &scene.lanes.levels()[level - 1];
-        let edge = longest_edge(&facts.grid) / longest_edge(&scene.facts.grid);
+        let longest = facts.grid.spacing.into_iter().fold(0.0, f64::max);
+        let edge = longest / scene.facts.grid.mean_spacing();
         let sizes = FACTORS.into_iter().map(|factor| (factor, edge / f64::from(factor)));
         let sizes: Vec<_> = sizes.filter(|(_, pixels)| (PIXELS[0]..=PIXELS[1]).contains(pixels)).collect();
         let search = |quality| Search { level, quality, sizes: sizes.clone(), good: 0, has_seen: false };
@@ -202,11 +202,6 @@ impl Search {
         let good = self.sizes.get(self.good).filter(|_| self.has_seen);
         good.map_or(0.0, |(_, pixels)| *pixels as f32)
     }
-}
-
-/// Returns the spacing of the axis whose points are farthest apart.
-fn longest_edge(grid: &Grid) -> f64 {
-    grid.spacing.into_iter().fold(0.0, f64::max)
 }
 
 /// Returns whether the lane that a view of a level walks is stored.
