@@ -170,3 +170,27 @@ impl Lanes for WholeLevels<'_> {
         self.function
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn limits(all: &[[f32; 2]]) -> Vec<LevelLimits> {
+        all.iter().map(|&[standard, draft]| LevelLimits { standard: standard.into(), draft: draft.into() }).collect()
+    }
+
+    #[test]
+    fn the_limits_of_a_whole_are_harmonic_means_of_those_of_bricks_by_their_voxels() {
+        let of = |bricks: &[(u64, Vec<LevelLimits>)]| {
+            limits_of_whole(1, bricks.iter().map(|(voxels, limits)| (*voxels, &limits[..])))
+        };
+        let same = limits(&[[0.5, 1.25]]);
+        assert_eq!(of(&[(10, same.clone()), (1, same.clone())]), same);
+        // 4 / (3 / 1.5 + 1 / 0.5) and 4 / (3 / 0.25 + 1 / 0.25).
+        assert_eq!(of(&[(3, limits(&[[1.5, 0.25]])), (1, limits(&[[0.5, 0.25]]))]), limits(&[[1.0, 0.25]]));
+        // A level that is never good enough in a small brick may be drawn, one that is so in all may not.
+        let [mean] = of(&[(99, limits(&[[1.0, 0.0]])), (1, limits(&[[0.0, 0.0]]))])[..] else { panic!() };
+        assert!((0.8..0.81).contains(&mean.standard.get()) && mean.draft.get() == 0.0, "{mean:?}");
+        assert_eq!(of(&[(10, same), (1, Vec::new())]), []);
+    }
+}
