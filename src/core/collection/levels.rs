@@ -141,7 +141,7 @@ pub(super) fn limits_of_whole<'a>(
     #[expect(clippy::cast_possible_truncation, reason = "a limit needs no more than the digits of a single")]
     let limit = |sum: f64| {
         let mean = all / sum;
-        F32::new(if mean > LEAST_LIMIT { mean as f32 } else { 0.0 })
+        F32::new(if mean > 1.01 * LEAST_LIMIT { mean as f32 } else { 0.0 })
     };
     sums.into_iter().map(|[standard, draft]| LevelLimits { standard: limit(standard), draft: limit(draft) }).collect()
 }
