@@ -142,13 +142,10 @@ impl Samples {
     }
 
     /// Returns the decibels of a picture of a level, in which `factor` samples along a side become a pixel; infinity if nothing is
-    /// to be seen, `None` if it shows too little or cannot be drawn.
+    /// to be seen, `None` if it shows too little.
     fn accuracy(&self, scene: &Scene, level: usize, quality: Quality, factor: u32) -> Result<Option<f64>> {
         let settings = self.settings.clone().with_level(level).with_quality(quality);
         let settings = settings.with_size(self.settings.size.map(|side| side / factor));
-        if !is_stored(scene, level, &self.camera, &settings) {
-            return Ok(None);
-        }
         let (picture, _) = cpu::render(scene, &self.camera, &settings)?;
         match Supersampling::of_pixels(factor, settings.size) {
             None => Ok(decibels(&self.picture, &picture, self.edge)),
@@ -184,6 +181,9 @@ impl Search {
 
     /// Leaves out sizes at which the level is not good enough from the direction of `samples`.
     fn go_on_with(&mut self, scene: &Scene, samples: &Samples, go_on: &mut dyn FnMut() -> Result<()>) -> Result<()> {
+        if !is_stored(scene, self.level, &samples.camera, &samples.settings) {
+            return Ok(());
+        }
         while let Some(&(factor, _)) = self.sizes.get(self.good) {
             go_on()?;
             let accuracy = samples.accuracy(scene, self.level, self.quality, factor)?.unwrap_or(0.0);
