@@ -106,7 +106,7 @@ fn bytes_with_limits(
 
 /// Returns the limits of the levels of a file that is written but for these.
 fn measured(arena: &Arena, output: &RowsOutput, observer: &mut dyn Observer) -> Result<Vec<LevelLimits>> {
-    measure(arena, output.threads, &mut |done, total| report(observer, Phase::Limits, done, total))
+    measure(arena, output.memory, output.threads, &mut |done, total| report(observer, Phase::Limits, done, total))
 }
 
 /// Returns the entries of a lane's sections, without positions; `None` for a channel that is not stored.

@@ -1,53 +1,69 @@
 //! Measures up to which size levels of detail are as good as the voxels that they stand for.
 //!
 //! In: an arena with levels, and its transfer function. Out: the limits of each level, by quality. From several directions
-//! the voxels are drawn once, with a voxel a pixel, and filtered to smaller pictures. Pictures of each level are compared with these,
+//! the voxels are drawn once or twice, and filtered to smaller pictures. Pictures of each level are compared with these,
 //! large ones first, until one keeps the accuracy of the quality. The limits follow from the arena alone, not from memory or
 //! threads.
 
 use zerocopy::byteorder::little_endian::F32;
 
 use super::camera::{Projection, ToCamera};
-use super::levels::{WORTHWHILE, level_order};
-use super::supersample::Supersampling;
+use super::levels::{WORTHWHILE, factors, facts_of, level_order, level_settings};
+use super::supersample::{SMALL_STRIP_SAMPLES, STRIP_SAMPLES, Supersampling};
 use super::{Camera, Frame, Lanes, Orbit, Outline, Quality, Scene, Settings, cpu};
 use crate::arena::layout::{Facts, LevelLimits};
 use crate::arena::{Arena, Lane};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
+use crate::traverse::VoxelBox;
 use crate::volume::Axis;
 
-/// Azimuth and elevation of the views, in degrees: along the three axes, where blocks lie behind one another, and five others.
-const DIRECTIONS: [[f64; 2]; 8] =
-    [[0.0, 0.0], [90.0, 0.0], [0.0, 90.0], [35.0, 25.0], [300.0, 50.0], [200.0, 5.0], [125.0, -30.0], [250.0, -20.0]];
-/// How many samples along a side become one pixel of a picture that levels are compared with. A voxel of mean spacing has one sample.
+/// Azimuth and elevation of the views, in degrees: along the three axes, where blocks lie behind one another, and from all other sides.
+const DIRECTIONS: [[f64; 2]; 10] = [
+    [0.0, 0.0],
+    [90.0, 0.0],
+    [0.0, 90.0],
+    [40.0, 30.0],
+    [130.0, -35.0],
+    [220.0, 20.0],
+    [310.0, -20.0],
+    [175.0, 50.0],
+    [265.0, 65.0],
+    [20.0, -65.0],
+];
+/// How many mean spacings of voxels may make up a pixel of the pictures that levels are compared with.
 const FACTORS: [u32; 11] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48];
 /// Pictures with a multiple of so many samples a side can be divided by all [`FACTORS`].
 const ALL_FACTORS: u32 = 96;
-/// The most samples along a side. Of larger volumes the picture shows the middle.
-const MOST_SAMPLES: u32 = 8 * ALL_FACTORS;
+/// The most samples along a side.
+const MOST_SAMPLES: u32 = 3 * ALL_FACTORS;
 /// The fewest and the most pixels of the longest edge of a level's voxel in pictures that are compared.
 const PIXELS: [f64; 2] = [0.1, 1.4];
 /// Fewest pixels that show anything in a picture that says something.
 const LEAST_SHOWN: usize = 32;
-/// Width of the edge that is not compared, in pixels, of a picture of a volume's middle: what is beyond it is not in the samples.
-const EDGE: usize = 2;
+/// Mean spacings of voxels along each side of the middle of a volume that is drawn with finer samples.
+const MIDDLE: f64 = 128.0;
+/// The most bytes that a picture may take for each thread. Planes of long thin volumes take many more than the picture.
+const MOST_BYTES: u64 = 18 << 20;
+/// With less memory, one thread draws small strips.
+const LITTLE: u64 = 256 << 20;
 
 /// The accuracy that a level must have from every direction, in decibels from the voxels: the peak signal-to-noise ratio over the
-/// pixels that are not empty. Pictures at the quality should have 30 and 38, and other directions have a little less than these.
+/// pixels that are not empty. Other directions may have less.
 fn aim(quality: Quality) -> f64 {
-    if quality == Quality::Draft { 30.2 } else { 38.2 }
+    if quality == Quality::Draft { 30.0 } else { 38.0 }
 }
 
 /// Returns the limits of the levels of `arena`, level 1 first; 0 if they cannot be drawn. `progress` receives the directions that are
 /// done and in all, before each picture.
 ///
-/// Lanes that are not stored are not derived: views that need them are left out.
+/// Lanes that are not stored are not derived: such views walk along another axis, and a view along the only lane is left out.
 ///
 /// # Errors
 /// The error of `progress`; those of [`cpu::render`].
 pub(crate) fn measure(
     arena: &Arena,
+    memory: Option<u64>,
     threads: usize,
     progress: &mut dyn FnMut(u64, u64) -> Result<()>,
 ) -> Result<Vec<LevelLimits>> {
@@ -59,21 +75,19 @@ pub(crate) fn measure(
     let Some(transfer) = function.filter(|function| has_magnitudes || !function.uses_gradient()) else {
         return Ok(limits);
     };
+    let has_little = memory.is_some_and(|memory| memory < LITTLE);
+    let strip_samples = if has_little { SMALL_STRIP_SAMPLES } else { STRIP_SAMPLES };
+    let threads = if has_little { 1 } else { threads.max(1) };
+    let resources = Settings { strip_samples, ..Settings::new([1; 2]).with_threads(threads) };
     let lanes = StoredLanes { levels, facts };
     let scene = Scene { facts: arena.facts(), lanes: &lanes, transfer: &transfer };
     let mut searches: Vec<Search> = (1..=limits.len()).flat_map(|level| Search::of_level(&scene, level)).collect();
-    let outline = Outline::of_lane(&scene.facts.grid, lanes.lane(Axis::X)?, None);
     for (done, direction) in (0..).zip(DIRECTIONS) {
         let mut go_on = || progress(done, DIRECTIONS.len() as u64);
         go_on()?;
-        let samples = match Samples::draw(&scene, &outline, direction, threads) {
-            Ok(Some(samples)) => samples,
-            Ok(None) => continue,
-            Err(Error::Input { .. } | Error::Limit { .. }) => return Ok(limits),
-            Err(error) => return Err(error),
-        };
+        let Some(direction) = Direction::draw(&scene, direction, &resources)? else { continue };
         for search in &mut searches {
-            search.go_on_with(&scene, &samples, &mut go_on)?;
+            search.go_on_with(&scene, &direction, &mut go_on)?;
         }
     }
     for search in searches {
@@ -108,48 +122,98 @@ impl Lanes for StoredLanes<'_> {
 }
 
 /// The voxels from one direction.
+struct Direction {
+    /// All of them.
+    all: Samples,
+    /// Those in the middle, if a sample of `all` is wider than a voxel.
+    middle: Option<Samples>,
+}
+
+impl Direction {
+    /// Draws the voxels from an azimuth and an elevation; `None` if they cannot be drawn, or not in [`MOST_BYTES`].
+    fn draw(scene: &Scene, angles: [f64; 2], resources: &Settings) -> Result<Option<Direction>> {
+        let draw = || -> Result<Option<Direction>> {
+            let Some(all) = Samples::draw(scene, angles, None, resources)? else { return Ok(None) };
+            let middle = middle(scene).filter(|_| all.width > 1);
+            let middle = middle.map(|crop| Samples::draw(scene, angles, Some(crop), resources)).transpose()?.flatten();
+            Ok(Some(Direction { all, middle: middle.filter(|middle| middle.width == 1) }))
+        };
+        match draw() {
+            Err(Error::Input { .. } | Error::Limit { .. }) => Ok(None),
+            drawn => drawn,
+        }
+    }
+}
+
+/// Returns a box of whole blocks of all levels around the middle of the visible voxels.
+fn middle(scene: &Scene) -> Option<VoxelBox> {
+    let grid = &scene.facts.grid;
+    let (low, high) = scene.lanes.lane(Axis::X).ok()?.bounds()?;
+    let blocks = scene.lanes.levels().last().map_or([1; 3], |level| factors(grid, &level.grid));
+    let side = |a: usize| {
+        let centre = (u32::from(low[a]) + u32::from(high[a])) / 2;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65,535 after the clamp")]
+        let half = (MIDDLE / 2.0 * grid.mean_spacing() / grid.spacing[a]).ceil().clamp(0.0, 65_535.0) as u32;
+        let first = centre.saturating_sub(half) / blocks[a] * blocks[a];
+        let end = (centre + half + 1).next_multiple_of(blocks[a]);
+        [first, end - 1].map(|point| u16::try_from(point.min(grid.dims[a] - 1)).unwrap_or(u16::MAX))
+    };
+    let sides = [0, 1, 2].map(side);
+    Some(VoxelBox { low: sides.map(|[low, _]| low), high: sides.map(|[_, high]| high) })
+}
+
+/// A picture of the voxels.
 struct Samples {
     camera: Camera,
     settings: Settings,
     picture: Frame,
-    /// Width of the edge of pictures that is not compared, in pixels.
-    edge: usize,
+    /// How many mean spacings of voxels a sample is wide.
+    width: u32,
 }
 
 impl Samples {
-    /// Draws the voxels; `None` if the file lacks the lane for that.
+    /// Draws the voxels, or those in a `crop`, with samples as fine as [`MOST_SAMPLES`] allow, but no finer than voxels.
     fn draw(
         scene: &Scene,
-        outline: &Outline,
         [azimuth, elevation]: [f64; 2],
-        threads: usize,
+        crop: Option<VoxelBox>,
+        resources: &Settings,
     ) -> Result<Option<Samples>> {
+        let outline = Outline::of_lane(&scene.facts.grid, scene.lanes.lane(Axis::X)?, crop);
         let orbit = Orbit { azimuth, elevation, ..Orbit::default() };
-        let Projection::Parallel { height } = orbit.to_camera(outline, [ALL_FACTORS; 2])?.projection() else {
+        let Projection::Parallel { height } = orbit.to_camera(&outline, [ALL_FACTORS; 2])?.projection() else {
             return Ok(None);
         };
-        let sample = scene.facts.grid.mean_spacing();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 768 after the clamp")]
-        let side = ((height / sample).ceil().clamp(1.0, MOST_SAMPLES.into()) as u32).next_multiple_of(ALL_FACTORS);
-        let edge = if f64::from(side) * sample < height { EDGE } else { 0 };
-        let settings = Settings::new([side; 2]).with_threads(threads.max(1)).with_level(0);
-        let camera = orbit.with_zoom(height / (f64::from(side) * sample)).to_camera(outline, settings.size)?;
-        if !is_stored(scene, 0, &camera, &settings) {
+        let voxel = scene.facts.grid.mean_spacing();
+        let is_enough = |width: &u32| height <= f64::from(MOST_SAMPLES * width) * voxel;
+        let Some(width) = FACTORS.into_iter().find(is_enough) else { return Ok(None) };
+        let sample = f64::from(width) * voxel;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 288")]
+        let side = ((height / sample).ceil().max(1.0) as u32).next_multiple_of(ALL_FACTORS);
+        let settings = resources.clone().with_size([side; 2]).with_level(0).with_crop(crop);
+        let camera = orbit.with_zoom(height / (f64::from(side) * sample)).to_camera(&outline, settings.size)?;
+        let Some(drawn) = along_stored(scene, &camera, &settings)? else { return Ok(None) };
+        if need(scene, &camera, &drawn)? > MOST_BYTES {
             return Ok(None);
         }
-        let (picture, _) = cpu::render(scene, &camera, &settings)?;
-        Ok(Some(Samples { camera, settings, picture, edge }))
+        let (picture, _) = cpu::render(scene, &camera, &drawn)?;
+        Ok(Some(Samples { camera, settings, picture, width }))
     }
 
-    /// Returns the decibels of a picture of a level, in which `factor` samples along a side become a pixel; infinity if nothing is
-    /// to be seen, `None` if it shows too little.
+    /// Returns the decibels of a picture of a level whose pixels are `factor` mean spacings wide, a multiple of a sample; infinity if
+    /// nothing is to be seen, `None` if it shows too little, or if the level cannot be drawn.
     fn accuracy(&self, scene: &Scene, level: usize, quality: Quality, factor: u32) -> Result<Option<f64>> {
+        let factor = factor / self.width;
         let settings = self.settings.clone().with_level(level).with_quality(quality);
         let settings = settings.with_size(self.settings.size.map(|side| side / factor));
+        let Some(settings) = along_stored(scene, &self.camera, &settings)? else { return Ok(None) };
+        if need(scene, &self.camera, &settings)? > MOST_BYTES {
+            return Ok(None);
+        }
         let (picture, _) = cpu::render(scene, &self.camera, &settings)?;
         match Supersampling::of_pixels(factor, settings.size) {
-            None => Ok(decibels(&self.picture, &picture, self.edge)),
-            Some(filter) => Ok(decibels(&filter.picture(&self.picture, settings.threads)?, &picture, self.edge)),
+            None => Ok(decibels(&self.picture, &picture)),
+            Some(filter) => Ok(decibels(&filter.picture(&self.picture, settings.threads)?, &picture)),
         }
     }
 }
@@ -179,16 +243,37 @@ impl Search {
         if is_worthwhile { [Quality::Standard, Quality::Draft].map(search).into() } else { Vec::new() }
     }
 
-    /// Leaves out sizes at which the level is not good enough from the direction of `samples`.
-    fn go_on_with(&mut self, scene: &Scene, samples: &Samples, go_on: &mut dyn FnMut() -> Result<()>) -> Result<()> {
-        if !is_stored(scene, self.level, &samples.camera, &samples.settings) {
-            return Ok(());
-        }
-        while let Some(&(factor, _)) = self.sizes.get(self.good) {
+    /// Leaves out sizes at which the level is not good enough from a direction.
+    fn go_on_with(
+        &mut self,
+        scene: &Scene,
+        direction: &Direction,
+        go_on: &mut dyn FnMut() -> Result<()>,
+    ) -> Result<()> {
+        let mut accuracy = |samples: &Samples, factor: u32| -> Result<f64> {
             go_on()?;
-            let accuracy = samples.accuracy(scene, self.level, self.quality, factor)?.unwrap_or(0.0);
-            self.has_seen |= accuracy.is_finite();
-            if accuracy >= aim(self.quality) {
+            Ok(samples.accuracy(scene, self.level, self.quality, factor)?.unwrap_or(0.0))
+        };
+        // Sizes that are finer than the samples are left to the middle.
+        let mut of_all = self.sizes.len();
+        for at in self.good..self.sizes.len() {
+            let (factor, _) = self.sizes[at];
+            if factor.is_multiple_of(direction.all.width) {
+                let decibels = accuracy(&direction.all, factor)?;
+                self.has_seen |= decibels.is_finite();
+                if decibels >= aim(self.quality) {
+                    of_all = at;
+                    break;
+                }
+                self.good = at + 1;
+            }
+        }
+        while self.good < of_all {
+            let decibels = match &direction.middle {
+                Some(middle) => accuracy(middle, self.sizes[self.good].0)?,
+                None => 0.0,
+            };
+            if decibels.is_finite() && decibels >= aim(self.quality) {
                 break;
             }
             self.good += 1;
@@ -200,31 +285,42 @@ impl Search {
     #[expect(clippy::cast_possible_truncation, reason = "a limit needs no more than the digits of a single")]
     fn limit(&self) -> f32 {
         let good = self.sizes.get(self.good).filter(|_| self.has_seen);
-        good.map_or(0.0, |(_, pixels)| *pixels as f32)
+        // Sizes are compared as doubles: rounding must not make the limit smaller.
+        good.map_or(0.0, |(_, pixels)| (pixels * 1.000_001) as f32)
     }
 }
 
-/// Returns whether the lane that a view of a level walks is stored.
-fn is_stored(scene: &Scene, level: usize, camera: &Camera, settings: &Settings) -> bool {
-    let order = level_order(scene, level, camera, settings);
-    order.is_ok_and(|order| scene.lanes.lane_of(level, order.fast).is_ok())
+/// Returns the settings with which a view walks along a lane that is stored; `None` if none can be walked from there.
+fn along_stored(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<Option<Settings>> {
+    let level = settings.level.unwrap_or(0);
+    let order = level_order(scene, level, camera, settings)?;
+    let is_stored = |axis: Axis| scene.lanes.lane_of(level, axis).is_ok();
+    if is_stored(order.fast) {
+        return Ok(Some(settings.clone()));
+    }
+    let other = order.medium;
+    Ok(is_stored(other).then(|| settings.clone().with_order(order.with_fast(other))))
 }
 
-/// Returns the peak signal-to-noise ratio of a picture over the pixels that are not empty in one of the two, without those at an edge of this
-/// width; infinity if all are empty, `None` if there are too few.
-fn decibels(right: &Frame, other: &Frame, edge: usize) -> Option<f64> {
-    let columns = right.size()[0] as usize;
-    let inner = |at: &usize| {
-        let (x, y) = (at % columns, at / columns);
-        x.min(y) >= edge && x.max(y) + edge < columns
-    };
-    let (rights, others) = (right.pixels().as_chunks::<4>().0, other.pixels().as_chunks::<4>().0);
+/// Returns the bytes that one thread needs to draw a picture.
+fn need(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<u64> {
+    let level = settings.level.unwrap_or(0);
+    let grid = &facts_of(scene, level).grid;
+    let bounds = scene.lanes.lane_of(level, Axis::X)?.bounds();
+    let Some((low, high)) = bounds else { return Ok(0) };
+    let settings = level_settings(settings, &scene.facts.grid, grid).with_threads(1);
+    let canvas = cpu::canvas(grid, &VoxelBox { low, high }, camera, &settings)?;
+    Ok(cpu::memory_need(grid.dims, 0, canvas, &settings))
+}
+
+/// Returns the peak signal-to-noise ratio of a picture over the pixels that are not empty in one of the two; infinity if all are
+/// empty, `None` if there are too few.
+fn decibels(right: &Frame, other: &Frame) -> Option<f64> {
+    let pixels = right.pixels().as_chunks::<4>().0.iter().zip(other.pixels().as_chunks::<4>().0);
     let (mut squares, mut shown) = (0.0, 0);
-    for at in (0..rights.len()).filter(inner) {
-        if rights[at] != [0.0; 4] || others[at] != [0.0; 4] {
-            squares += rights[at].iter().zip(&others[at]).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
-            shown += 1;
-        }
+    for (right, other) in pixels.filter(|(right, other)| **right != [0.0; 4] || **other != [0.0; 4]) {
+        squares += right.iter().zip(other).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+        shown += 1;
     }
     match shown {
         0 => Some(f64::INFINITY),

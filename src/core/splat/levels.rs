@@ -31,8 +31,8 @@ pub(super) const WORTHWHILE: f64 = 0.4;
 /// the least of all sets.
 const UNMEASURED: f64 = 0.5;
 
-/// A crop that divides blocks of a level is drawn from that level only if it is at least so many blocks thick, as it is rounded
-/// to whole blocks: a crop of one slice would vanish, or become a block thick.
+/// A draft of a crop that divides blocks of a level is drawn from that level only if the crop is at least so many blocks thick, as it is
+/// rounded to whole blocks: a crop of one slice would vanish, or become a block thick.
 const CROP_BLOCKS: u32 = 16;
 
 /// A part of the volume, and the level that it is drawn from.
@@ -158,7 +158,7 @@ pub fn drawn_levels(scene: &Scene, camera: &Camera, settings: &Settings) -> Resu
 /// Returns the parts that a view draws, nearest first.
 ///
 /// Only front-to-back or back-to-front composites of exponential blending draw levels by themselves; other modes, and orders
-/// of studies, draw level 0.
+/// of studies, draw level 0. So does standard quality where a crop or a clip plane cuts blocks: it would cut the level elsewhere.
 ///
 /// # Errors
 /// [`Error::Input`] if `settings` ask for a level that the scene does not have; the errors of [`View::new`].
@@ -177,7 +177,10 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
     if levels == 0 || !is_composite || settings.order.is_some() {
         return Ok(whole);
     }
-    let levels = (1..=levels).take_while(|&level| keeps_crop(scene, level, settings.crop)).count();
+    if settings.quality == Quality::Standard && settings.clip.is_some() {
+        return Ok(whole);
+    }
+    let levels = (1..=levels).take_while(|&level| keeps_crop(scene, level, settings)).count();
     let view = View::new(camera, &scene.facts.grid, settings.size, settings.kernel(), settings.near)?;
     let edge = |level: usize| {
         let grid = &facts_of(scene, level).grid;
@@ -223,15 +226,15 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
     Ok(runs.into_iter().filter_map(part).collect())
 }
 
-/// Returns whether a level shows a crop well: along each axis the crop has whole blocks, or at least [`CROP_BLOCKS`].
-fn keeps_crop(scene: &Scene, level: usize, crop: Option<VoxelBox>) -> bool {
-    let Some(crop) = crop else { return true };
+/// Returns whether a level shows the crop well: along each axis the crop has whole blocks or, in a draft, at least [`CROP_BLOCKS`].
+fn keeps_crop(scene: &Scene, level: usize, settings: &Settings) -> bool {
+    let Some(crop) = settings.crop else { return true };
     let factors = factors(&scene.facts.grid, &facts_of(scene, level).grid);
     (0..3).all(|a| {
         let (points, factor) = (scene.facts.grid.dims[a], factors[a]);
         let (first, end) = (u32::from(crop.low[a]), points.min(u32::from(crop.high[a]) + 1));
         let is_whole = first.is_multiple_of(factor) && (end.is_multiple_of(factor) || end == points);
-        is_whole || end.saturating_sub(first) >= CROP_BLOCKS * factor
+        is_whole || settings.quality == Quality::Draft && end.saturating_sub(first) >= CROP_BLOCKS * factor
     })
 }
 

@@ -178,6 +178,8 @@ pub struct Settings {
     pub level: Option<usize>,
     /// How many points of level 0 a voxel of the scene stands for.
     pub(crate) blocks: Blocks,
+    /// Number of samples that are drawn at once where there are several a pixel.
+    pub(crate) strip_samples: u32,
     /// The machine code that draws.
     pub code: Code,
     /// Asks the processor's renderer to stop; `None` for never.
@@ -267,6 +269,7 @@ impl Settings {
             sampling: None,
             level: None,
             blocks: Blocks::NONE,
+            strip_samples: supersample::STRIP_SAMPLES,
             code: Code::default(),
             stop: None,
         }

@@ -39,7 +39,9 @@ const MAX_FACTOR: u32 = 16;
 /// Largest number of samples of a picture: 256 MiB if all are in memory at once.
 const MAX_SAMPLES: u64 = 1 << 24;
 /// Number of samples of a strip, unless rows are too long for it: 16 MiB for its frame and bands.
-const STRIP_SAMPLES: u32 = 1 << 19;
+pub(super) const STRIP_SAMPLES: u32 = 1 << 19;
+/// The same where memory is short: pictures take longer, as each strip walks over all voxels.
+pub(super) const SMALL_STRIP_SAMPLES: u32 = 1 << 17;
 
 /// A number of samples per pixel, and the filter from samples to pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,6 +52,8 @@ pub(crate) struct Supersampling {
     size: [u32; 2],
     /// Standard deviation of the Gaussian, in samples.
     sigma: f64,
+    /// Number of samples of a strip.
+    strip_samples: u32,
 }
 
 /// Draws a picture by calling `draw` with settings; supersamples if the settings and the view ask for it.
@@ -138,7 +142,12 @@ impl Supersampling {
         while fits(factor + 1) && !is_enough(factor) {
             factor += 1;
         }
-        (factor > 1).then(|| Supersampling { factor, size: view.size, sigma: sigma(factor).max(LEAST_SIGMA) })
+        (factor > 1).then(|| Supersampling {
+            factor,
+            size: view.size,
+            sigma: sigma(factor).max(LEAST_SIGMA),
+            strip_samples: settings.strip_samples,
+        })
     }
 
     /// Returns the supersampling that makes a picture of `size` from pictures with `factor` pixels for each of its own along a side;
@@ -146,7 +155,7 @@ impl Supersampling {
     pub(crate) fn of_pixels(factor: u32, size: [u32; 2]) -> Option<Supersampling> {
         let [of_picture, of_sample] = [f64::from(factor), 1.0].map(|samples| samples * f64::from(LOW_PASS));
         let sigma = (of_picture * of_picture - of_sample * of_sample).sqrt();
-        (factor > 1).then_some(Supersampling { factor, size, sigma })
+        (factor > 1).then_some(Supersampling { factor, size, sigma, strip_samples: STRIP_SAMPLES })
     }
 
     /// Returns the number of columns and rows of samples.
@@ -170,7 +179,7 @@ impl Supersampling {
         let [columns, rows] = self.size();
         // The rows that the filter needs around a strip are drawn again for the next strip: they should be few.
         let around = filter.weights.len() as u32;
-        let height = ((STRIP_SAMPLES / columns).max(3 * around) - around) / self.factor;
+        let height = ((self.strip_samples / columns).max(3 * around) - around) / self.factor;
         let strip = |from: u32| {
             let to = self.size[1].min(from + height);
             let first = (from * self.factor).saturating_sub(filter.before);
@@ -299,7 +308,7 @@ mod tests {
     #[test]
     fn strips_are_the_whole_picture_bit_for_bit() {
         for size in [[1, 1], [700, 500], [9, 2000], [2048, 300]] {
-            let supersampling = Supersampling { factor: 3, size, sigma: 1.4 };
+            let supersampling = Supersampling { factor: 3, size, sigma: 1.4, strip_samples: STRIP_SAMPLES };
             let [columns, _] = supersampling.size();
             let mut samples = Frame::transparent(supersampling.size()).unwrap();
             for (index, value) in samples.pixels_mut().iter_mut().enumerate() {
