@@ -179,7 +179,7 @@ fn levels_whose_blocks_are_not_cubes_do_not_fall_apart_into_slices() {
 fn two_levels_in_a_small_picture_do_not_make_outlines_fatter() {
     let model = model("hydrogen", [96; 3], [1.0, 4.0, 1.0], 1, 0.5);
     let camera = camera(&model, [90.0, 90.0], 1233.0, Projection::Perspective { fov: 10.0 });
-    let settings = Settings::new([54, 54]).with_quality(Quality::Draft);
+    let settings = Settings::new([66, 66]).with_quality(Quality::Draft);
     let parts = level_parts(&model.scene(), &camera, &settings).unwrap();
     assert_eq!(parts.iter().map(|part| part.level).collect::<Vec<_>>(), [0, 1]);
     let (frame, truth) = (draw(&model, &camera, &settings), truth(&model, &camera, &settings));
