@@ -302,13 +302,14 @@ fn along_stored(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<O
     Ok(is_stored(other).then(|| settings.clone().with_order(order.with_fast(other))))
 }
 
-/// Returns the bytes that one thread needs to draw a picture.
+/// Returns the bytes that one thread needs to draw a picture where memory is short.
 fn need(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<u64> {
     let level = settings.level.unwrap_or(0);
     let grid = &facts_of(scene, level).grid;
     let bounds = scene.lanes.lane_of(level, Axis::X)?.bounds();
     let Some((low, high)) = bounds else { return Ok(0) };
     let settings = level_settings(settings, &scene.facts.grid, grid).with_threads(1);
+    let settings = Settings { strip_samples: SMALL_STRIP_SAMPLES, ..settings };
     let canvas = cpu::canvas(grid, &VoxelBox { low, high }, camera, &settings)?;
     Ok(cpu::memory_need(grid.dims, 0, canvas, &settings))
 }
