@@ -44,7 +44,7 @@ const LEAST_SHOWN: usize = 32;
 /// Mean spacings of voxels along each side of the middle of a volume that is drawn with finer samples.
 const MIDDLE: f64 = 128.0;
 /// The most bytes that a picture may take for each thread. Planes of long thin volumes take many more than the picture.
-const MOST_BYTES: u64 = 18 << 20;
+const MOST_BYTES: u64 = 16 << 20;
 /// With less memory, one thread draws small strips.
 const LITTLE: u64 = 256 << 20;
 
@@ -123,7 +123,7 @@ impl Lanes for StoredLanes<'_> {
 
 /// The voxels from one direction.
 struct Direction {
-    /// All of them.
+    /// All of them; those in the middle if all would take too much memory.
     all: Samples,
     /// Those in the middle, if a sample of `all` is wider than a voxel.
     middle: Option<Samples>,
@@ -133,10 +133,14 @@ impl Direction {
     /// Draws the voxels from an azimuth and an elevation; `None` if they cannot be drawn, or not in [`MOST_BYTES`].
     fn draw(scene: &Scene, angles: [f64; 2], resources: &Settings) -> Result<Option<Direction>> {
         let draw = || -> Result<Option<Direction>> {
-            let Some(all) = Samples::draw(scene, angles, None, resources)? else { return Ok(None) };
-            let middle = middle(scene).filter(|_| all.width > 1);
+            let all = Samples::draw(scene, angles, None, resources)?;
+            let middle = middle(scene).filter(|_| all.as_ref().is_none_or(|all| all.width > 1));
             let middle = middle.map(|crop| Samples::draw(scene, angles, Some(crop), resources)).transpose()?.flatten();
-            Ok(Some(Direction { all, middle: middle.filter(|middle| middle.width == 1) }))
+            let middle = middle.filter(|middle| middle.width == 1);
+            Ok(match all {
+                Some(all) => Some(Direction { all, middle }),
+                None => middle.map(|all| Direction { all, middle: None }),
+            })
         };
         match draw() {
             Err(Error::Input { .. } | Error::Limit { .. }) => Ok(None),
