@@ -248,10 +248,10 @@ fn coarse_levels_are_seen_first_and_each_lane_is_fetched_once() {
     assert_eq!(whole.scene().lanes.levels().len(), 3);
     let remote = Memory::new(&path, Duration::from_millis(30)).remote();
     let (canvas, judge) = (Canvas::new(Some(remote.clone())), Canvas::default());
-    // From where a draft draws level 1, and finer pictures the voxels.
+    // From where a draft draws level 1, and high quality the voxels.
     let from = |azimuth, elevation| {
         let mut look = look(&whole, azimuth, elevation);
-        look.eye.height *= 5.0;
+        look.eye.height *= 8.0;
         look
     };
     let first = from(10.0, 5.0);
