@@ -104,8 +104,11 @@ fn bytes_with_limits(
     Ok(bytes(&limits))
 }
 
-/// Returns the limits of the levels of a file that is written but for these.
+/// Returns the limits of the levels of a file that is written but for these; none in a browser, where drawing them would take minutes.
 fn measured(arena: &Arena, output: &RowsOutput, observer: &mut dyn Observer) -> Result<Vec<LevelLimits>> {
+    if cfg!(target_arch = "wasm32") {
+        return Ok(Vec::new());
+    }
     measure(arena, output.memory, output.threads, &mut |done, total| report(observer, Phase::Limits, done, total))
 }
 
