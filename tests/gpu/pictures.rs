@@ -224,6 +224,11 @@ fn near_and_far_views_and_odd_pictures() {
     check_one("zoomed in, perspective", &built, zoomed(&built, 31.0, 24.0, Some(50.0), 40.0, size), high(size));
     check_one("sub-pixel", &built, zoomed(&built, 31.0, 24.0, None, 0.08, size), high(size));
     check_one("sub-pixel, perspective", &built, zoomed(&built, 31.0, 24.0, Some(50.0), 0.08, size), high(size));
+    let of_samples = Settings::new([14, 12]).with_quality(Quality::High);
+    for fov in [None, Some(50.0)] {
+        let camera = zoomed(&built, 31.0, 24.0, fov, 2.0, of_samples.size);
+        check_one("cut by the border, supersampled", &built, camera, of_samples.clone());
+    }
     for size in [[1, 1], [1, 65], [700, 3]] {
         let views = [None, Some(50.0)].map(|fov| (built.orbit(31.0, 24.0, fov, size), high(size)));
         check(&format!("{size:?}"), built.scene(), &views);

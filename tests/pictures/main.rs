@@ -1,5 +1,6 @@
 //! Pictures: the renderer on the processor, its judges, extremes.
 
+mod border;
 mod dial;
 mod extremes;
 mod finer;

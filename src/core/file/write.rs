@@ -93,6 +93,8 @@ fn bytes_with_limits(
     observer: &mut dyn Observer,
 ) -> Result<Vec<u8>> {
     let bytes = |limits: &[_]| bytes_with_levels(&output.facts, lanes, output.description, levels, limits);
+    // In a browser drawing the levels would take minutes.
+    let limits = if cfg!(target_arch = "wasm32") { limits.or(Some(&[])) } else { limits };
     let unmeasured = vec![LevelLimits::default(); levels.len()];
     let file = bytes(limits.unwrap_or(&unmeasured));
     if limits.is_some() || levels.is_empty() {
@@ -104,11 +106,8 @@ fn bytes_with_limits(
     Ok(bytes(&limits))
 }
 
-/// Returns the limits of the levels of a file that is written but for these; none in a browser, where drawing them would take minutes.
+/// Returns the limits of the levels of a file that is written but for these.
 fn measured(arena: &Arena, output: &RowsOutput, observer: &mut dyn Observer) -> Result<Vec<LevelLimits>> {
-    if cfg!(target_arch = "wasm32") {
-        return Ok(Vec::new());
-    }
     measure(arena, output.memory, output.threads, &mut |done, total| report(observer, Phase::Limits, done, total))
 }
 

@@ -320,6 +320,17 @@ impl Camera {
         self.projection
     }
 
+    /// Returns a camera that sees so many times the height, in a picture of so many times the rows.
+    pub(crate) fn with_height_times(self, ratio: f64) -> Camera {
+        let projection = match self.projection {
+            Projection::Parallel { height } => Projection::Parallel { height: ratio * height },
+            Projection::Perspective { fov } => {
+                Projection::Perspective { fov: 2.0 * (ratio * (fov.to_radians() / 2.0).tan()).atan().to_degrees() }
+            }
+        };
+        Camera { projection, ..self }
+    }
+
     /// Returns unit world vectors to the picture's right, to its top, and forward along the view.
     pub fn axes(&self) -> [DVec3; 3] {
         let forward = (self.target - self.position).normalize();

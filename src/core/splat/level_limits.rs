@@ -1,9 +1,9 @@
 //! Measures up to which size levels of detail are as good as the voxels that they stand for.
 //!
 //! In: an arena with levels, and its transfer function. Out: the limits of each level, by quality. From several directions
-//! the voxels are drawn once or twice, and filtered to smaller pictures. Pictures of each level are compared with these,
-//! large ones first, until one keeps the accuracy of the quality. The limits follow from the arena alone, not from memory or
-//! threads.
+//! the voxels are drawn, all of them or those in some parts of the volume, and filtered to smaller pictures. Pictures of each level
+//! are compared with these, large ones first, until one keeps the accuracy of the quality. The limits follow from the arena alone,
+//! not from memory or threads.
 
 use zerocopy::byteorder::little_endian::F32;
 
@@ -41,8 +41,8 @@ const MOST_SAMPLES: u32 = 3 * ALL_FACTORS;
 const PIXELS: [f64; 2] = [0.1, 1.4];
 /// Fewest pixels that show anything in a picture that says something.
 const LEAST_SHOWN: usize = 32;
-/// Mean spacings of voxels along each side of the middle of a volume that is drawn with finer samples.
-const MIDDLE: f64 = 128.0;
+/// Mean spacings of voxels along each side of a part of a volume that is drawn with finer samples.
+const PART: f64 = 128.0;
 /// The most bytes that a picture may take for each thread. Planes of long thin volumes take many more than the picture.
 const MOST_BYTES: u64 = 16 << 20;
 /// With less memory, one thread draws small strips.
@@ -82,10 +82,10 @@ pub(crate) fn measure(
     let lanes = StoredLanes { levels, facts };
     let scene = Scene { facts: arena.facts(), lanes: &lanes, transfer: &transfer };
     let mut searches: Vec<Search> = (1..=limits.len()).flat_map(|level| Search::of_level(&scene, level)).collect();
-    for (done, direction) in (0..).zip(DIRECTIONS) {
-        let mut go_on = || progress(done, DIRECTIONS.len() as u64);
+    for number in 0..DIRECTIONS.len() {
+        let mut go_on = || progress(number as u64, DIRECTIONS.len() as u64);
         go_on()?;
-        let Some(direction) = Direction::draw(&scene, direction, &resources)? else { continue };
+        let Some(direction) = Direction::draw(&scene, number, &resources)? else { continue };
         for search in &mut searches {
             search.go_on_with(&scene, &direction, &mut go_on)?;
         }
@@ -123,41 +123,43 @@ impl Lanes for StoredLanes<'_> {
 
 /// The voxels from one direction.
 struct Direction {
-    /// All of them; those in the middle if all would take too much memory.
-    all: Samples,
-    /// Those in the middle, if a sample of `all` is wider than a voxel.
-    middle: Option<Samples>,
+    /// All of them; `None` if they would take too much memory.
+    all: Option<Samples>,
+    /// Those in some parts of the volume on samples as fine as voxels, if there are none of all.
+    parts: Vec<Samples>,
 }
 
 impl Direction {
-    /// Draws the voxels from an azimuth and an elevation; `None` if they cannot be drawn, or not in [`MOST_BYTES`].
-    fn draw(scene: &Scene, angles: [f64; 2], resources: &Settings) -> Result<Option<Direction>> {
-        let draw = || -> Result<Option<Direction>> {
-            let all = Samples::draw(scene, angles, None, resources)?;
-            let middle = middle(scene).filter(|_| all.as_ref().is_none_or(|all| all.width > 1));
-            let middle = middle.map(|crop| Samples::draw(scene, angles, Some(crop), resources)).transpose()?.flatten();
-            let middle = middle.filter(|middle| middle.width == 1);
-            Ok(match all {
-                Some(all) => Some(Direction { all, middle }),
-                None => middle.map(|all| Direction { all, middle: None }),
-            })
-        };
-        match draw() {
+    /// Draws the voxels from direction `number` of [`DIRECTIONS`]; `None` if they cannot be drawn, or not in [`MOST_BYTES`].
+    fn draw(scene: &Scene, number: usize, resources: &Settings) -> Result<Option<Direction>> {
+        let draw = |crop| match Samples::draw(scene, DIRECTIONS[number], crop, resources) {
             Err(Error::Input { .. } | Error::Limit { .. }) => Ok(None),
             drawn => drawn,
+        };
+        let all = draw(None)?;
+        let mut parts = Vec::new();
+        if all.as_ref().is_none_or(|all| all.width > 1) {
+            // Where no picture shows all, the middle alone says too little: half of the corners is seen from each direction.
+            let corners = (0..8usize).filter(|corner| all.is_none() && corner.count_ones() as usize % 2 == number % 2);
+            let corners = corners.map(|corner| [0, 1, 2].map(|axis| [0.25, 0.75][corner >> axis & 1]));
+            for place in std::iter::once([0.5; 3]).chain(corners) {
+                let part = part(scene, place).map(|part| draw(Some(part))).transpose()?.flatten();
+                parts.extend(part.filter(|part| part.width == 1));
+            }
         }
+        Ok((all.is_some() || !parts.is_empty()).then_some(Direction { all, parts }))
     }
 }
 
-/// Returns a box of whole blocks of all levels around the middle of the visible voxels.
-fn middle(scene: &Scene) -> Option<VoxelBox> {
+/// Returns a box of whole blocks of all levels around a place, given as shares of the sides of the box of all visible voxels.
+fn part(scene: &Scene, place: [f64; 3]) -> Option<VoxelBox> {
     let grid = &scene.facts.grid;
     let (low, high) = scene.lanes.lane(Axis::X).ok()?.bounds()?;
     let blocks = scene.lanes.levels().last().map_or([1; 3], |level| factors(grid, &level.grid));
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65,535")]
     let side = |a: usize| {
-        let centre = (u32::from(low[a]) + u32::from(high[a])) / 2;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65,535 after the clamp")]
-        let half = (MIDDLE / 2.0 * grid.mean_spacing() / grid.spacing[a]).ceil().clamp(0.0, 65_535.0) as u32;
+        let centre = (f64::from(low[a]) + place[a] * f64::from(high[a].saturating_sub(low[a]))) as u32;
+        let half = (PART / 2.0 * grid.mean_spacing() / grid.spacing[a]).ceil().clamp(0.0, 65_535.0) as u32;
         let first = centre.saturating_sub(half) / blocks[a] * blocks[a];
         let end = (centre + half + 1).next_multiple_of(blocks[a]);
         [first, end - 1].map(|point| u16::try_from(point.min(grid.dims[a] - 1)).unwrap_or(u16::MAX))
@@ -204,21 +206,55 @@ impl Samples {
         Ok(Some(Samples { camera, settings, picture, width }))
     }
 
-    /// Returns the decibels of a picture of a level whose pixels are `factor` mean spacings wide, a multiple of a sample; infinity if
-    /// nothing is to be seen, `None` if it shows too little, or if the level cannot be drawn.
-    fn accuracy(&self, scene: &Scene, level: usize, quality: Quality, factor: u32) -> Result<Option<f64>> {
+    /// Returns the difference of a picture of a level, whose pixels are `factor` mean spacings wide: a multiple of a sample.
+    fn difference(&self, scene: &Scene, level: usize, quality: Quality, factor: u32) -> Result<Difference> {
         let factor = factor / self.width;
         let settings = self.settings.clone().with_level(level).with_quality(quality);
         let settings = settings.with_size(self.settings.size.map(|side| side / factor));
-        let Some(settings) = along_stored(scene, &self.camera, &settings)? else { return Ok(None) };
+        let Some(settings) = along_stored(scene, &self.camera, &settings)? else { return Ok(Difference::LARGE) };
         if need(scene, &self.camera, &settings)? > MOST_BYTES {
-            return Ok(None);
+            return Ok(Difference::LARGE);
         }
         let (picture, _) = cpu::render(scene, &self.camera, &settings)?;
-        match Supersampling::of_pixels(factor, settings.size) {
-            None => Ok(decibels(&self.picture, &picture)),
-            Some(filter) => Ok(decibels(&filter.picture(&self.picture, settings.threads)?, &picture)),
+        Ok(match Supersampling::of_pixels(factor, settings.size) {
+            None => Difference::between(&self.picture, &picture),
+            Some(filter) => Difference::between(&filter.picture(&self.picture, settings.threads)?, &picture),
+        })
+    }
+}
+
+/// How unlike pictures are.
+#[derive(Clone, Copy, Default)]
+struct Difference {
+    /// The sum of the squares of the differences of all parts of pixels.
+    squares: f64,
+    /// Number of pixels that are not empty in one of two pictures.
+    shown: usize,
+}
+
+impl Difference {
+    /// That of a picture that cannot be drawn.
+    const LARGE: Difference = Difference { squares: f64::INFINITY, shown: 1 };
+
+    fn between(right: &Frame, other: &Frame) -> Difference {
+        let pixels = right.pixels().as_chunks::<4>().0.iter().zip(other.pixels().as_chunks::<4>().0);
+        let mut difference = Difference::default();
+        for (right, other) in pixels.filter(|(right, other)| **right != [0.0; 4] || **other != [0.0; 4]) {
+            let squares = right.iter().zip(other).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+            difference = difference.and(Difference { squares, shown: 1 });
         }
+        difference
+    }
+
+    /// Returns that of two pairs of pictures.
+    fn and(self, other: Difference) -> Difference {
+        Difference { squares: self.squares + other.squares, shown: self.shown + other.shown }
+    }
+
+    /// Returns whether enough is to be seen, with at least so many decibels: the peak signal-to-noise ratio over the pixels that are
+    /// not empty.
+    fn is_good(self, aim: f64) -> bool {
+        self.shown >= LEAST_SHOWN && self.squares <= 10.0f64.powf(-aim / 10.0) * (4 * self.shown) as f64
     }
 }
 
@@ -251,33 +287,37 @@ impl Search {
     fn go_on_with(
         &mut self,
         scene: &Scene,
-        direction: &Direction,
+        Direction { all, parts }: &Direction,
         go_on: &mut dyn FnMut() -> Result<()>,
     ) -> Result<()> {
-        let mut accuracy = |samples: &Samples, factor: u32| -> Result<f64> {
-            go_on()?;
-            Ok(samples.accuracy(scene, self.level, self.quality, factor)?.unwrap_or(0.0))
+        let (level, quality, aim) = (self.level, self.quality, aim(self.quality));
+        let mut difference = |samples: &[Samples], factor: u32| {
+            samples.iter().try_fold(Difference::default(), |sum, samples| {
+                go_on()?;
+                Ok::<_, Error>(sum.and(samples.difference(scene, level, quality, factor)?))
+            })
         };
-        // Sizes that are finer than the samples are left to the middle.
+        // Sizes that are finer than the samples of all are left to the parts.
         let mut of_all = self.sizes.len();
-        for at in self.good..self.sizes.len() {
-            let (factor, _) = self.sizes[at];
-            if factor.is_multiple_of(direction.all.width) {
-                let decibels = accuracy(&direction.all, factor)?;
-                self.has_seen |= decibels.is_finite();
-                if decibels >= aim(self.quality) {
-                    of_all = at;
-                    break;
+        if let Some(all) = all {
+            for at in self.good..self.sizes.len() {
+                let (factor, _) = self.sizes[at];
+                if factor.is_multiple_of(all.width) {
+                    let difference = difference(std::slice::from_ref(all), factor)?;
+                    self.has_seen |= difference.shown > 0;
+                    if difference.shown == 0 || difference.is_good(aim) {
+                        of_all = at;
+                        break;
+                    }
+                    self.good = at + 1;
                 }
-                self.good = at + 1;
             }
         }
         while self.good < of_all {
-            let decibels = match &direction.middle {
-                Some(middle) => accuracy(middle, self.sizes[self.good].0)?,
-                None => 0.0,
-            };
-            if decibels.is_finite() && decibels >= aim(self.quality) {
+            let difference = difference(parts, self.sizes[self.good].0)?;
+            self.has_seen |= difference.shown > 0;
+            let says_nothing = difference.shown == 0 && all.is_none();
+            if says_nothing || difference.is_good(aim) {
                 break;
             }
             self.good += 1;
@@ -316,20 +356,4 @@ fn need(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<u64> {
     let settings = Settings { strip_samples: SMALL_STRIP_SAMPLES, ..settings };
     let canvas = cpu::canvas(grid, &VoxelBox { low, high }, camera, &settings)?;
     Ok(cpu::memory_need(grid.dims, 0, canvas, &settings))
-}
-
-/// Returns the peak signal-to-noise ratio of a picture over the pixels that are not empty in one of the two; infinity if all are
-/// empty, `None` if there are too few.
-fn decibels(right: &Frame, other: &Frame) -> Option<f64> {
-    let pixels = right.pixels().as_chunks::<4>().0.iter().zip(other.pixels().as_chunks::<4>().0);
-    let (mut squares, mut shown) = (0.0, 0);
-    for (right, other) in pixels.filter(|(right, other)| **right != [0.0; 4] || **other != [0.0; 4]) {
-        squares += right.iter().zip(other).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
-        shown += 1;
-    }
-    match shown {
-        0 => Some(f64::INFINITY),
-        1..LEAST_SHOWN => None,
-        _ => Some(-10.0 * (squares / (4 * shown) as f64).max(f64::MIN_POSITIVE).log10()),
-    }
 }

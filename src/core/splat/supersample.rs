@@ -9,7 +9,8 @@
 //! view -> factor x factor samples per pixel -> draw -> Gaussian of LOW_PASS^2 - width^2 -> picture
 //! ```
 //!
-//! Every renderer can draw the samples: the same camera, more columns and rows.
+//! Samples are drawn as far around the picture as the Gaussian reaches, so that a pixel at the picture's border is what it would be in
+//! a larger picture. Every renderer can draw the samples: a camera that sees a little more, and more columns and rows.
 
 #![expect(clippy::cast_possible_truncation, reason = "weights are single precision")]
 
@@ -50,6 +51,8 @@ pub(crate) struct Supersampling {
     factor: u32,
     /// Columns and rows of the picture.
     size: [u32; 2],
+    /// Number of samples on each side of the picture.
+    around: u32,
     /// Standard deviation of the Gaussian, in samples.
     sigma: f64,
     /// Number of samples of a strip.
@@ -67,10 +70,11 @@ pub fn supersampled<T>(
     bounds: Option<VoxelBox>,
     camera: &Camera,
     settings: &Settings,
-    draw: impl FnOnce(&Settings) -> Result<(Frame, T)>,
+    draw: impl FnOnce(&Camera, &Settings) -> Result<(Frame, T)>,
 ) -> Result<(Frame, T)> {
-    let Some(supersampling) = Supersampling::of(grid, bounds, camera, settings)? else { return draw(settings) };
-    let (samples, stats) = draw(&supersampling.settings(settings))?;
+    let Some(supersampling) = Supersampling::of(grid, bounds, camera, settings)? else { return draw(camera, settings) };
+    let (camera, settings) = supersampling.of_samples(camera, settings);
+    let (samples, stats) = draw(&camera, &settings)?;
     Ok((supersampling.picture(&samples, settings.threads)?, stats))
 }
 
@@ -94,9 +98,11 @@ impl Supersampling {
         if one.as_ref().map(factor) >= other.as_ref().map(factor) { one } else { other }
     }
 
-    /// Returns the settings with which the samples are drawn.
-    pub(crate) fn settings(&self, settings: &Settings) -> Settings {
-        Settings { size: self.size(), ..settings.clone() }
+    /// Returns the camera and the settings with which the samples are drawn.
+    pub(crate) fn of_samples(&self, camera: &Camera, settings: &Settings) -> (Camera, Settings) {
+        let size = self.size();
+        let ratio = f64::from(size[1]) / f64::from(self.size[1] * self.factor);
+        (camera.with_height_times(ratio), Settings { size, ..settings.clone() })
     }
 
     /// Returns the picture of all samples.
@@ -133,34 +139,34 @@ impl Supersampling {
             factor > 1 && f64::from(factor) * width >= wanted && is_filtered
         };
         let pixels = u64::from(view.size[0]) * u64::from(view.size[1]);
+        let of_factor = |factor: u32| {
+            let sigma = sigma(factor).max(LEAST_SIGMA);
+            let around = Filter::new(factor, sigma).before;
+            Supersampling { factor, size: view.size, around, sigma, strip_samples: settings.strip_samples }
+        };
         let fits = |factor: u32| {
             factor <= MAX_FACTOR
-                && view.size.iter().all(|side| side.saturating_mul(factor) <= MAX_SIZE)
                 && pixels * u64::from(factor).pow(2) <= MAX_SAMPLES
+                && of_factor(factor).size().iter().all(|side| *side <= MAX_SIZE)
         };
         let mut factor = 1;
         while fits(factor + 1) && !is_enough(factor) {
             factor += 1;
         }
-        (factor > 1).then(|| Supersampling {
-            factor,
-            size: view.size,
-            sigma: sigma(factor).max(LEAST_SIGMA),
-            strip_samples: settings.strip_samples,
-        })
+        (factor > 1).then(|| of_factor(factor))
     }
 
-    /// Returns the supersampling that makes a picture of `size` from pictures with `factor` pixels for each of its own along a side;
-    /// `None` for 1.
+    /// Returns the supersampling that makes a picture of `size` from pictures with `factor` pixels for each of its own along a side,
+    /// beyond which nothing is to be seen; `None` for 1.
     pub(crate) fn of_pixels(factor: u32, size: [u32; 2]) -> Option<Supersampling> {
         let [of_picture, of_sample] = [f64::from(factor), 1.0].map(|samples| samples * f64::from(LOW_PASS));
         let sigma = (of_picture * of_picture - of_sample * of_sample).sqrt();
-        (factor > 1).then_some(Supersampling { factor, size, sigma, strip_samples: STRIP_SAMPLES })
+        (factor > 1).then_some(Supersampling { factor, size, around: 0, sigma, strip_samples: STRIP_SAMPLES })
     }
 
     /// Returns the number of columns and rows of samples.
     fn size(&self) -> [u32; 2] {
-        self.size.map(|side| side * self.factor)
+        self.size.map(|side| side.saturating_mul(self.factor).saturating_add(2 * self.around))
     }
 
     /// Returns the number of samples.
@@ -175,15 +181,15 @@ impl Supersampling {
 
     /// Cuts the picture into strips, from top to bottom.
     pub(crate) fn strips(&self) -> Vec<Strip> {
-        let filter = self.filter();
+        let filter = Filter::new(self.factor, self.sigma);
         let [columns, rows] = self.size();
         // The rows that the filter needs around a strip are drawn again for the next strip: they should be few.
         let around = filter.weights.len() as u32;
         let height = ((self.strip_samples / columns).max(3 * around) - around) / self.factor;
         let strip = |from: u32| {
             let to = self.size[1].min(from + height);
-            let first = (from * self.factor).saturating_sub(filter.before);
-            let end = ((to - 1) * self.factor + around).saturating_sub(filter.before);
+            let first = self.first_sample(from).saturating_sub(filter.before);
+            let end = (self.first_sample(to - 1) + around).saturating_sub(filter.before);
             Strip { rows: from..to, sample_rows: first..end.min(rows) }
         };
         (0..self.size[1]).step_by(height as usize).map(strip).collect()
@@ -197,46 +203,33 @@ impl Supersampling {
 
     /// Returns the view of a strip's samples.
     pub(crate) fn view(&self, view: &View, strip: &Strip) -> View {
-        view.with_pixels(f64::from(self.factor), self.size(), 0.0).with_rows(strip.sample_rows.clone())
+        view.with_pixels(f64::from(self.factor), self.size(), self.around.into()).with_rows(strip.sample_rows.clone())
     }
 
-    /// Filters the samples of a strip into `picture`; positions beyond the picture's edge have no weight.
+    /// Returns the first sample of a row or column of the picture.
+    fn first_sample(&self, pixel: u32) -> u32 {
+        self.around + pixel * self.factor
+    }
+
+    /// Filters the samples of a strip into `picture`.
     pub(crate) fn reduce(&self, samples: &Frame, strip: &Strip, threads: usize, picture: &mut Frame) {
-        let filter = self.filter();
+        let filter = Filter::new(self.factor, self.sigma);
         let all_columns = 0..samples.size()[0];
         let columns: Vec<ClippedFilter> =
-            (0..self.size[0]).map(|column| filter.clipped(column * self.factor, &all_columns)).collect();
+            (0..self.size[0]).map(|column| filter.clipped(self.first_sample(column), &all_columns)).collect();
         let len = 4 * samples.size()[0] as usize;
         picture.fill_some_rows(strip.rows.clone(), threads, |row, out| {
             let mut sums = vec![0.0f32; len];
-            let part = filter.clipped(row as u32 * self.factor, &strip.sample_rows);
+            let part = filter.clipped(self.first_sample(row as u32), &strip.sample_rows);
             for (line, weight) in samples.pixels()[len * part.first..].chunks_exact(len).zip(part.weights) {
-                let weight = part.scale * weight;
                 sums.iter_mut().zip(line).for_each(|(sum, value)| *sum += weight * value);
             }
             for (pixel, part) in out.iter_mut().zip(&columns) {
                 let weighted = sums.as_chunks().0[part.first..].iter().zip(part.weights);
                 let sum = weighted.fold(Vec4::ZERO, |sum, (values, weight)| sum + *weight * Vec4::from_array(*values));
-                *pixel = in_range(part.scale * sum);
+                *pixel = in_range(sum);
             }
         });
-    }
-
-    /// Returns the weights of the samples around the middle of a pixel; they add up to 1.
-    fn filter(&self) -> Filter {
-        let factor = f64::from(self.factor);
-        let middle = (factor - 1.0) / 2.0;
-        // Cut off at five standard deviations, which loses 6e-7, but not before the pixel's own samples.
-        let reach = (5.0 * self.sigma).max(middle);
-        let first = (middle - reach).ceil();
-        let count = (middle + reach).floor() - first;
-        let weights: Vec<f64> = (0..=count as i32)
-            .map(|index| (-0.5 * ((first + f64::from(index) - middle) / self.sigma).powi(2)).exp())
-            .collect();
-        let total: f64 = weights.iter().sum();
-        #[expect(clippy::cast_sign_loss, reason = "the first weight is that of the pixel's first sample, or before it")]
-        let before = -first as u32;
-        Filter { before, weights: weights.into_iter().map(|weight| (weight / total) as f32).collect() }
     }
 }
 
@@ -259,17 +252,31 @@ struct ClippedFilter<'a> {
     /// Index of the first sample, counted from the start of that range.
     first: usize,
     weights: &'a [f32],
-    /// One over the sum of the weights.
-    scale: f32,
 }
 
 impl Filter {
+    /// Returns the weights of the samples around the middle of a pixel with `factor` samples a side; they add up to 1.
+    fn new(factor: u32, sigma: f64) -> Filter {
+        let middle = (f64::from(factor) - 1.0) / 2.0;
+        // Cut off at five standard deviations, which loses 6e-7, but not before the pixel's own samples.
+        let reach = (5.0 * sigma).max(middle);
+        let first = (middle - reach).ceil();
+        let count = (middle + reach).floor() - first;
+        let weights: Vec<f64> = (0..=count as i32)
+            .map(|index| (-0.5 * ((first + f64::from(index) - middle) / sigma).powi(2)).exp())
+            .collect();
+        let total: f64 = weights.iter().sum();
+        #[expect(clippy::cast_sign_loss, reason = "the first weight is that of the pixel's first sample, or before it")]
+        let before = -first as u32;
+        Filter { before, weights: weights.into_iter().map(|weight| (weight / total) as f32).collect() }
+    }
+
     /// Returns the part of the filter that lies within the samples `all`, for the pixel whose first sample is `sample`.
     fn clipped(&self, sample: u32, all: &Range<u32>) -> ClippedFilter<'_> {
         let from = all.start.max(sample.saturating_sub(self.before));
         let weights = &self.weights[(from + self.before - sample) as usize..];
         let weights = &weights[..weights.len().min((all.end - from) as usize)];
-        ClippedFilter { first: (from - all.start) as usize, weights, scale: 1.0 / weights.iter().sum::<f32>() }
+        ClippedFilter { first: (from - all.start) as usize, weights }
     }
 }
 
@@ -308,7 +315,7 @@ mod tests {
     #[test]
     fn strips_are_the_whole_picture_bit_for_bit() {
         for size in [[1, 1], [700, 500], [9, 2000], [2048, 300]] {
-            let supersampling = Supersampling { factor: 3, size, sigma: 1.4, strip_samples: STRIP_SAMPLES };
+            let supersampling = Supersampling { factor: 3, size, around: 6, sigma: 1.4, strip_samples: STRIP_SAMPLES };
             let [columns, _] = supersampling.size();
             let mut samples = Frame::transparent(supersampling.size()).unwrap();
             for (index, value) in samples.pixels_mut().iter_mut().enumerate() {

@@ -24,7 +24,7 @@ impl Judge {
         if settings.order.is_some() || settings.form != SplitForm::default() {
             return refused("order", "is not for the reference, which has its own");
         }
-        let draw = |settings: &Settings| {
+        let draw = |camera: &Camera, settings: &Settings| {
             let usual = JudgeSettings::new(settings.size);
             let own = JudgeSettings {
                 sigma: settings.kernel.map_or(usual.sigma, |kernel| kernel.sigma.into()),

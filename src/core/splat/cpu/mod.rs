@@ -73,14 +73,15 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
         return draw_scene(scene, camera, settings, None, start);
     }
     let finer = finer_for(scene, &parts, camera, settings)?;
-    let drawn = finer.map_or_else(|| settings.clone(), |finer| finer.settings(settings));
+    let as_asked = || (*camera, settings.clone());
+    let (camera, drawn) = finer.map_or_else(as_asked, |finer| finer.of_samples(camera, settings));
     let (mut picture, mut stats) = (None::<Frame>, Stats::default());
     for part in parts {
         let level = part.scene(scene)?;
         let in_front = picture.as_ref().filter(|_| settings.sense == Sense::FrontToBack);
         let front = in_front.map(|picture| Front::new(picture, settings.termination())).transpose()?;
         let (behind, work) =
-            draw_scene(&level.scene(), camera, &part.settings(scene, &drawn), front.as_ref(), Instant::now())?;
+            draw_scene(&level.scene(), &camera, &part.settings(scene, &drawn), front.as_ref(), Instant::now())?;
         match &mut picture {
             None => picture = Some(behind),
             Some(picture) => picture.put_behind(&behind, settings.mode),

@@ -261,7 +261,8 @@ impl<'a> GpuRenderer<'a> {
         let Some(supersampling) = self.supersampling(&parts, camera, settings)? else {
             return self.one_sample(&parts, camera, settings, None).await;
         };
-        let (samples, stats) = self.one_sample(&parts, camera, &supersampling.settings(settings), None).await?;
+        let (camera, of_samples) = supersampling.of_samples(camera, settings);
+        let (samples, stats) = self.one_sample(&parts, &camera, &of_samples, None).await?;
         Ok((supersampling.picture(&samples, settings.threads)?, stats))
     }
 
