@@ -170,9 +170,10 @@ fn a_long_volume_that_is_unlike_its_middle_keeps_the_accuracy_of_its_quality() {
     let volume = adjsplat::Volume::new([length, side, side].map(u64::from), samples).unwrap();
     let model = Build::new(TransferFunction::range(100.0, 255.0).unwrap()).with_levels(4).run(&volume).unwrap();
     for (quality, least) in [(Quality::Standard, 38.0), (Quality::Draft, 30.0)] {
-        for pixels in [0.5, 0.33, 0.25, 0.125] {
+        for voxels_a_pixel in [2, 3, 4, 8] {
+            let pixels = 1.0 / f64::from(voxels_a_pixel);
             for view in [[0.0, 0.0], [10.0, 30.0], [-15.0, -50.0]] {
-                let size = [(f64::from(length) * pixels) as u32, (80.0 * pixels) as u32];
+                let size = [length, 80].map(|voxels| voxels / voxels_a_pixel);
                 let (settings, camera) =
                     (Settings::new(size).with_quality(quality), parallel(&model, view, pixels, size));
                 let db = decibels(&draw(&model, &camera, &settings), &truth(&model, &camera, &settings), EMPTY);
