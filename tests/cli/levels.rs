@@ -177,7 +177,7 @@ fn bricks_are_built_with_levels_and_drawn_from_them() {
     // Joined, a collection is drawn as the file is; brick by brick, from the same level. Of limits it knows those of its bricks, which
     // are lower for drafts here.
     for (view, is_same) in
-        [("--size 12x12", true), ("--size 12x12 --quality draft", false), ("--size 200x200 --level 1", true)]
+        [("--size 12x12", true), ("--size 20x20 --quality draft", false), ("--size 200x200 --level 1", true)]
     {
         let (_, whole) = drawn(&folder, &format!("a.adj {view}"));
         let (_, bricks) = drawn(&folder, &format!("a.adjs --bricks {view}"));

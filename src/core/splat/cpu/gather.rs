@@ -425,11 +425,13 @@ impl<'a, B: Blend> Band<'a, B> {
             Some(tables) => tables.colour(projector, *footprints, voxels, looks),
             None => {
                 dispatch::colour(self.code, projector, voxels, looks);
-                let is_alike = lattice.is_parallel() && !lattice.is_beside();
-                let strength = if is_alike { lattice.tile([0, 0]).strength() } else { 1.0 };
-                for (look, &record) in looks.iter_mut().zip(&voxels.records) {
-                    let strength = footprints.map_or(strength, |f| f.strength(projector.lane.coverage_code(record)));
-                    look[3] = limited(look[3], strength);
+                if let Some(footprints) = footprints {
+                    for (look, &record) in looks.iter_mut().zip(&voxels.records) {
+                        look[3] = limited(look[3], footprints.strength(projector.lane.coverage_code(record)));
+                    }
+                } else if lattice.is_parallel() && !lattice.is_beside() {
+                    let strength = lattice.tile([0, 0]).strength();
+                    looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
                 }
             }
         }

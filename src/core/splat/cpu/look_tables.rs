@@ -65,8 +65,8 @@ impl LookTables {
             let Lane { channels, .. } = projector.lane;
             for (look, &record) in looks.iter_mut().zip(records) {
                 let code = projector.lane.coverage_code(record);
-                let strength = footprints.map_or(1.0, |footprints| footprints.strength(code));
-                look[3] = limited(look[3] * Coverage::of_code(code, channels).share, strength);
+                let depth = look[3] * Coverage::of_code(code, channels).share;
+                look[3] = footprints.map_or(depth, |footprints| limited(depth, footprints.strength(code)));
             }
         }
     }

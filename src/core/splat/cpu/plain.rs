@@ -116,8 +116,6 @@ pub(super) fn draw_on_lattice<B: Blend>(
                     Some((footprints, at)) => footprints.weight(at, code, [x, y]),
                     None => rays.weights(&place, projector.cut)[((y & 3) << TILE | (x & 3)) as usize],
                 };
-                let is_known = lattice.is_parallel() && (beside.is_some() || !lattice.is_beside());
-                let depth = if is_known { depth } else { limited(depth, 1.0) };
                 let peak = limited(depth, rays.strength());
                 if peak <= 0.0 {
                     continue;

@@ -530,11 +530,16 @@ pub(super) fn affine_at(map: &Affine, [slow, medium, fast]: [f64; 3]) -> f64 {
 }
 
 impl Splats {
-    /// Turns each kept splat's optical depth per mean voxel spacing into that at the splat's centre.
+    /// Turns each kept splat's optical depth per mean voxel spacing into that at the splat's centre, unless the voxel is near the
+    /// eye: its depth depends on the ray.
     #[inline(always)]
     pub fn apply_strengths(&mut self) {
+        let mut is_near = [false; BLOCK];
+        self.near.iter().for_each(|(j, _)| is_near[usize::from(*j) % BLOCK] = true);
         for k in 0..self.count {
-            self.looks[k][3] = limited(self.looks[k][3], self.strength[usize::from(self.kept[k]) % BLOCK]);
+            let j = usize::from(self.kept[k]) % BLOCK;
+            let depth = self.looks[k][3];
+            self.looks[k][3] = if is_near[j] { depth } else { limited(depth, self.strength[j]) };
         }
     }
 }

@@ -83,7 +83,8 @@ pub(super) struct Slab {
     /// Where they lie beside them: the columns and the rows of tiles that the voxel reaches.
     pub(super) columns: Box<[Tiles]>,
     pub(super) rows: Box<[Tiles]>,
-    /// Red, green, blue, and the optical depth in units of ln 2, for a tile of strength 1.
+    /// Red, green, blue, and the optical depth in units of ln 2: at the splat's centre if all tiles have one strength, else for a tile
+    /// of strength 1.
     looks: Box<[[f32; 4]]>,
     /// With stamps or footprints: the number of the weights for the first tile of the plane.
     pub(super) stamps: Box<[i32]>,
