@@ -320,7 +320,7 @@ ARGUMENTS = {
     "a camera without height": (
         lambda f: adj.render(f, camera={"position": (0, 9, 0), "target": (0, 0, 0), "up": (0, 0, 1)}),
         ValueError,
-        "camera: needs either `fov` in degrees",
+        "camera: needs one of two: `fov` in degrees",
     ),
     "a camera of height 0": (
         lambda f: adj.render(f, camera=f_camera(f) | {"height": 0}),

@@ -5,7 +5,7 @@
 use adjsplat::error::Error;
 
 /// Names of values in library errors that are also the names of their flags.
-const SAME_NAME: &str = "azimuth blending crop elevation exposure fill kernel lanes level line series sharpness spacing \
+const SAME_NAME: &str = "azimuth blending crop elevation exposure fill form kernel lanes level line series sharpness spacing \
                          termination threads volume zoom";
 
 /// Names of values in library errors, each with its flag, which is called something else.

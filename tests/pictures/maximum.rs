@@ -88,6 +88,26 @@ fn a_maximum_leaves_out_voxels_that_their_gradient_hides() {
     }
 }
 
+/// Between labels nothing was a label, and where rounding moved a label it was none: pictures were black.
+#[test]
+fn a_maximum_of_labels_has_their_colours() {
+    let labels = transfer(r#"{"kind": "labels", "labels": [], "others": "distinct"}"#);
+    let samples: Vec<u8> = (0..1_000).map(|index| [0, 1, 2, 3, 6][index % 10 / 2]).collect();
+    let volume = adjsplat::Volume::new([10; 3], samples).unwrap();
+    let model = adjsplat::Build::new(labels).run(&volume).unwrap();
+    let camera = along([0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [4.5; 3], 10.0);
+    let frame = model.render(&camera, &Settings::new([10; 2]).with_mode(Mode::Maximum)).unwrap();
+    for (column, label) in [(2, 1), (4, 2), (6, 3), (8, 6)] {
+        let shown = [column, column + 1].map(|column| frame.pixel(9 - column, 5));
+        let [red, green, blue] = adjsplat::classify::Colour::distinct(label).linear();
+        let largest = (label - 1) as f32 / 5.0;
+        for pixel in shown {
+            let right = [red, green, blue, 1.0].map(|part| part * largest);
+            assert!((0..4).all(|part| (pixel[part] - right[part]).abs() < 1e-3), "{label}: {pixel:?}, not {right:?}");
+        }
+    }
+}
+
 #[test]
 fn views_along_axes_show_the_largest_voxel_of_each_line() {
     let dims = [19u16, 23, 17];

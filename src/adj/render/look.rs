@@ -27,7 +27,7 @@ pub(super) struct LookArguments {
     pub(super) max_error: Option<f64>,
     /// How narrow splats are, 0 (the default) to 1: their standard deviation falls from 0.7 to 0.55 voxels. Thin
     /// structures look thinner; noise and the grid of the voxels show more
-    #[arg(long, value_name = "S", conflicts_with_all = ["kernel", "max_error"], value_parser = number(0.0..=1.0f32))]
+    #[arg(long, value_name = "S", allow_hyphen_values = true, conflicts_with_all = ["kernel", "max_error"], value_parser = number(0.0..=1.0f32))]
     sharpness: Option<f32>,
     /// Gaussian of a splat, in voxels: standard deviation (0.2 to 4) and radius (1 to 6 times that), such as 0.6,2;
     /// by default that of --quality and --sharpness

@@ -82,7 +82,8 @@ impl TransferFunction {
         }
     }
 
-    /// Returns a sample's colour in linear light, from 0 to 1; black for NaN and for unknown labels.
+    /// Returns a sample's colour in linear light, from 0 to 1; black for NaN and for unknown labels. In a label map it is that of the
+    /// nearest label.
     ///
     /// Colours are interpolated in linear light and constant beyond the ends. Where two points share a value, the more
     /// opaque one counts.

@@ -84,8 +84,9 @@ pub(super) fn unnamed(labels: &[Label], others: UnlistedLabels, value: f64) -> O
     label_of(value).filter(|label| is_unnamed(label) && opacity(labels, others, *label as f64) == 0.0)
 }
 
+/// A value between labels, as a maximum interpolates it, has the colour of the nearest label.
 pub(super) fn colour(labels: &[Label], others: UnlistedLabels, value: f64) -> [f32; 3] {
-    let Some(label) = label_of(value) else { return [0.0; 3] };
+    let Some(label) = label_of(value.round()) else { return [0.0; 3] };
     match (find(labels, label), others, u64::try_from(label)) {
         (Some(entry), _, _) => entry.colour.linear(),
         (None, UnlistedLabels::Distinct, Ok(index)) if index > 0 => Colour::distinct(index).linear(),

@@ -373,7 +373,7 @@ impl TryFrom<CameraDocument> for Camera {
         let projection = match (document.fov, document.height) {
             (Some(fov), None) => Projection::Perspective { fov },
             (None, Some(height)) => Projection::Parallel { height },
-            _ => return Err(Error::input("camera", "needs either `fov` in degrees or `height` in world length")),
+            _ => return Err(Error::input("camera", "needs one of two: `fov` in degrees or `height` in world length")),
         };
         Camera::new(document.position, document.target, document.up, projection)
     }

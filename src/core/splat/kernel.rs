@@ -128,7 +128,8 @@ impl KernelShape {
     /// [`Error::Input`](crate::Error::Input) if a number is outside its range.
     pub fn check(self) -> Result<()> {
         let KernelShape { sigma, radius } = self;
-        let is_in_range = (0.2..=4.0).contains(&sigma) && (1.0..=6.0).contains(&(radius / sigma));
+        // A sharpened kernel has its ratio up to rounding.
+        let is_in_range = (0.2..=4.0).contains(&sigma) && (0.999_999..=6.000_001).contains(&(radius / sigma));
         let why = format_args!("is sigma {sigma}, radius {radius}; use 0.2 to 4, and 1 to 6 sigma");
         require(is_in_range, "kernel", why)
     }

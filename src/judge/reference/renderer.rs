@@ -21,8 +21,10 @@ impl Judge {
         if settings.termination.is_some() {
             return refused("termination", "is not for the reference, whose rays do not end early");
         }
-        if settings.order.is_some() || settings.form != SplitForm::default() {
-            return refused("order", "is not for the reference, which has its own");
+        for (what, is_set) in [("order", settings.order.is_some()), ("form", settings.form != SplitForm::default())] {
+            if is_set {
+                return refused(what, "is not for the reference, which has its own order");
+            }
         }
         let draw = |camera: &Camera, settings: &Settings| {
             let usual = JudgeSettings::new(settings.size);

@@ -77,6 +77,17 @@ fn rounding_stays_within_its_bound_over_half_a_million_layers() {
 }
 
 /// Peak to peak, axis on: the worst view (docs/NUMERICS.md).
+/// The largest radius of a kernel is six standard deviations, which some sharpened kernels of `reference` exceeded by rounding.
+#[test]
+fn every_sharpness_is_a_kernel_that_can_be_drawn() {
+    for quality in Quality::ALL {
+        for thousandths in 0..=1_000u16 {
+            let sharpness = f32::from(thousandths) / 1_000.0;
+            assert!(quality.kernel().sharpened(sharpness).unwrap().check().is_ok(), "{quality:?} {sharpness}");
+        }
+    }
+}
+
 #[test]
 fn ripple_is_what_each_quality_promises() {
     // The largest are spikes at points of the lattice, where four splats end: pixels meet some of them.

@@ -1,10 +1,10 @@
 //! The renderer on the processor against the splat judge.
 
 use adjsplat::build::Built;
-use adjsplat::splat::{Camera, Mode, Projection, Quality, Settings};
+use adjsplat::splat::{Camera, Code, Mode, Projection, Quality, Settings};
 use adjsplat::volume::SampleType;
 use adjsplat_judge::reference::{Judge, JudgeSettings};
-use adjsplat_tests::pictures::apart;
+use adjsplat_tests::pictures::{apart, decibels};
 use adjsplat_tests::scenes::{Draw as _, LAYERS, LIT_LAYERS, built, fitting, phantom, transfer};
 
 use crate::reference::scenes::{THREADS, orbit};
@@ -65,6 +65,42 @@ fn reference_quality_is_the_judges_picture() {
             let camera = orbit(&pair.built.facts.grid, 33.0, 21.0, None, SIZE);
             let worst = pair.apart(&camera, Mode::Additive);
             assert!(worst < 1e-4, "{name} {spacing:?}, added up: {worst:e}");
+        }
+    }
+}
+
+/// A voxel whose optical depth is 160, as the reference length is a tenth of the voxel: near the eye, and on a perspective's lattice, its
+/// depth was limited to 16 before it was multiplied by the ray's weight. Pictures had 19 dB.
+#[test]
+fn voxels_denser_than_opaque_ones_are_as_dense_near_the_eye_as_far_from_it() {
+    let text = r#"{"kind": "range", "opacity": 1, "reference_length": 0.1, "shaded": false}"#;
+    let transfer = transfer(text);
+    let mut source = phantom("constant", [3, 2, 3], SampleType::U8, [1.0; 3]);
+    let judge = Judge::new(&mut *source, &transfer).unwrap();
+    source.rewind().unwrap();
+    let built = built(&mut *source, &fitting(transfer, 16));
+    for distance in [4.0, 14.0, 40.0] {
+        let target = [1.0, 0.0, 1.0];
+        let eye = [target[0] + 0.3 * distance, distance, target[2] + 0.2 * distance];
+        let fov = 2.0 * (4.0f64 / distance).atan().to_degrees();
+        let camera = Camera::new(eye, target, [0.0, 0.0, 1.0], Projection::Perspective { fov }).unwrap();
+        let settings = JudgeSettings { threads: THREADS, ..JudgeSettings::new(SIZE) };
+        let right = judge.draw(&camera, &settings).unwrap().to_frame().unwrap();
+        for quality in Quality::ALL {
+            let settings = Settings::new(SIZE).with_quality(quality);
+            let frame = built.frame(&camera, &settings);
+            let db = decibels(&frame, &right, 1e-3);
+            println!("from {distance}, {quality:?}: {db:.1} dB");
+            let least = match quality {
+                // Edges of what is so dense are finer than the lattice.
+                Quality::Draft | Quality::Standard => 30.0,
+                Quality::High => 58.0,
+                Quality::Reference => 100.0,
+            };
+            assert!(db > least, "from {distance}, {quality:?}: {db:.1} dB");
+            for code in [Code::Plain, Code::Portable] {
+                assert!(frame == built.frame(&camera, &settings.clone().with_code(code)), "{quality:?} {code:?}");
+            }
         }
     }
 }
