@@ -31,8 +31,8 @@ use super::view::{PixelMap, View};
 use crate::arena::visible::MAX_DEPTH;
 use crate::traverse::Viewpoint;
 
-/// Distance from the eye's plane, in voxel coordinates, below which voxels are drawn exactly. Measured: OPTICS.md.
-pub(crate) const NEAR: f64 = 8.0;
+/// Distance from the eye's plane below which voxels are drawn exactly, in the longest step between voxels. Measured: OPTICS.md.
+pub(crate) const NEAR: f64 = 24.0;
 
 /// What the voxels near the eye of a perspective view need to be drawn.
 #[derive(Debug, Clone)]

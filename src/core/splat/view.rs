@@ -126,7 +126,7 @@ impl View {
             }
             Projection::Perspective { fov } => {
                 let focal = rows / 2.0 / (fov.to_radians() / 2.0).tan();
-                let near = clip.max(NEAR * step_forward.sqrt());
+                let near = clip.max(NEAR * steps.into_iter().fold(0.0, f64::max));
                 let map = PixelMap::Perspective { camera_from_voxel, focal, centre, near };
                 (map, Viewpoint::Perspective { eye: eye_voxel, toward: unit(toward) })
             }
