@@ -85,7 +85,8 @@ impl Quality {
     /// Returns the kernel of this quality, which [`KernelShape::sharpened`] makes narrower.
     pub fn kernel(self) -> KernelShape {
         let radius = match self {
-            Quality::Draft | Quality::Standard => 2.5,
+            Quality::Draft => 2.5,
+            Quality::Standard => 2.75,
             Quality::High => 3.0,
             Quality::Reference => 4.2,
         };

@@ -93,7 +93,7 @@ fn ripple_is_what_each_quality_promises() {
     // The largest are spikes at points of the lattice, where four splats end: pixels meet some of them.
     for (quality, sharpness, promised) in [
         (Quality::Draft, 0.0, 3.9e-3),
-        (Quality::Standard, 0.0, 3.9e-3),
+        (Quality::Standard, 0.0, 7.5e-4),
         (Quality::High, 0.0, 4.8e-4),
         (Quality::Standard, 1.0, 1.93e-2),
         (Quality::High, 1.0, 2.06e-2),
