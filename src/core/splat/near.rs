@@ -318,7 +318,8 @@ mod tests {
                     worst = worst.max((f64::from(depth) - exact).abs() / most);
                 }
             }
-            assert!(worst < 2e-6, "{quality:?}: {worst:e}");
+            // Single precision rounds a place 24 voxels away by 1.4e-6, where a kernel may fall by 0.9 a voxel.
+            assert!(worst < 4e-6, "{quality:?}: {worst:e}");
         }
     }
 
