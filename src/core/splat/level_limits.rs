@@ -125,7 +125,7 @@ impl Lanes for StoredLanes<'_> {
 struct Direction {
     /// All of them; `None` if they would take too much memory.
     all: Option<Samples>,
-    /// Those in some parts of the volume on samples as fine as voxels, if there are none of all.
+    /// Those in some parts of the volume, on samples as fine as voxels; empty if the samples of `all` are as fine.
     parts: Vec<Samples>,
 }
 

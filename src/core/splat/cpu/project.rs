@@ -534,12 +534,11 @@ impl Splats {
     /// eye: its depth depends on the ray.
     #[inline(always)]
     pub fn apply_strengths(&mut self) {
-        let mut is_near = [false; BLOCK];
-        self.near.iter().for_each(|(j, _)| is_near[usize::from(*j) % BLOCK] = true);
         for k in 0..self.count {
             let j = usize::from(self.kept[k]) % BLOCK;
-            let depth = self.looks[k][3];
-            self.looks[k][3] = if is_near[j] { depth } else { limited(depth, self.strength[j]) };
+            if self.near(j).is_none() {
+                self.looks[k][3] = limited(self.looks[k][3], self.strength[j]);
+            }
         }
     }
 }
