@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use super::arith::{LOG2_E, at_least, at_most};
 use super::{Sampling, require};
+use crate::arena::visible::MAX_DEPTH;
 use crate::error::Result;
 
 /// A footprint's ellipse, in pixels. Its ridge is the line through the densest point of every pixel row.
@@ -67,6 +68,8 @@ const SIGMA: f32 = 0.7;
 /// Standard deviation at sharpness 1. The picture of a constant volume varies by up to 2 % of its optical depth along an
 /// axis, which is at most 0.8 % of the light (docs/studies/sharpness.md).
 const SHARPEST: f32 = 0.55;
+/// Radius, in standard deviations, before which [`KernelShape::of_depth`] cuts no kernel off: 2.5 voxels.
+const SHORTEST: f32 = 2.5 / SIGMA;
 
 impl Quality {
     /// All qualities, from fast to exact.
@@ -85,8 +88,8 @@ impl Quality {
     /// Returns the kernel of this quality, which [`KernelShape::sharpened`] makes narrower.
     pub fn kernel(self) -> KernelShape {
         let radius = match self {
-            Quality::Draft => 2.5,
-            Quality::Standard => 2.75,
+            Quality::Draft => 2.8,
+            Quality::Standard => 3.0,
             Quality::High => 3.0,
             Quality::Reference => 4.2,
         };
@@ -148,6 +151,16 @@ impl KernelShape {
         require((0.0..=1.0).contains(&sharpness), "sharpness", why)?;
         let factor = 1.0 - sharpness * (1.0 - SHARPEST / SIGMA);
         Ok(KernelShape { sigma: self.sigma * factor, radius: self.radius * factor })
+    }
+
+    /// Returns the kernel of voxels of at most this optical depth, along a ray as long as the mean spacing: cut off where they are as
+    /// faint as opaque ones are at this kernel's radius, but not before [`SHORTEST`].
+    #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
+    pub(crate) fn of_depth(self, deepest: f64) -> KernelShape {
+        let [cut_off, shortest] = [self.cut_off(), SHORTEST].map(f64::from);
+        let square = cut_off * cut_off + 2.0 * (deepest / MAX_DEPTH).min(1.0).ln();
+        let cut_off = square.max(shortest * shortest).sqrt().min(cut_off);
+        KernelShape { radius: (f64::from(self.sigma) * cut_off) as f32, ..self }
     }
 
     /// Returns the radius at which the kernel is cut off, in standard deviations.
@@ -222,4 +235,26 @@ pub(crate) fn footprint(rows: [[f32; 3]; 2], sigma: f32, cut_off: f32) -> Footpr
         half_y: at_most(cut_off * yy.sqrt(), REACH),
     };
     Footprint { ellipse, density: 1.0 / determinant.sqrt() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A voxel of depth d at distance r weighs d exp(-r^2 / (2 sigma^2)).
+    #[test]
+    fn faint_kernels_end_where_they_are_as_faint_as_opaque_ones_at_their_end() {
+        let opaque = Quality::Standard.kernel();
+        let at_end = |depth: f64, kernel: KernelShape| depth * (-0.5 * f64::from(kernel.cut_off()).powi(2)).exp();
+        for depth in [16.0, 8.0, 1.6, 1.0] {
+            let kernel = opaque.of_depth(depth);
+            assert!((at_end(depth, kernel) / at_end(MAX_DEPTH, opaque) - 1.0).abs() < 1e-4, "{depth}: {kernel:?}");
+        }
+        for depth in [0.5, 1e-9, 0.0] {
+            assert!((opaque.of_depth(depth).radius - 2.5).abs() < 1e-6, "{depth}");
+        }
+        assert_eq!(opaque.of_depth(1e9), opaque.of_depth(MAX_DEPTH));
+        let short = KernelShape { sigma: 0.6, radius: 1.9 };
+        assert!((short.of_depth(0.1).radius - 1.9).abs() < 1e-6);
+    }
 }

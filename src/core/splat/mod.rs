@@ -392,6 +392,17 @@ impl Settings {
         self.blocks.widest(self.fine_kernel())
     }
 
+    /// Returns the kernel to use for voxels of at most this optical depth, along a ray as long as the mean spacing. Where few samples
+    /// are drawn, kernels of faint voxels are cut off earlier.
+    pub(crate) fn kernel_of_depth(&self, deepest: f64, view: &View) -> KernelShape {
+        match self.sampling() {
+            Sampling::EveryPixel | Sampling::Finer => self.kernel(),
+            Sampling::Enough | Sampling::Fewest => {
+                self.kernel().of_depth(deepest * view.steps.into_iter().fold(0.0, f64::max))
+            }
+        }
+    }
+
     /// Returns the kernel of level 0.
     pub(crate) fn fine_kernel(&self) -> KernelShape {
         self.kernel.unwrap_or_else(|| self.quality.kernel())

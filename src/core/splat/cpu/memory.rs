@@ -62,7 +62,7 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
     let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
     let order = walk_order(&view, grid, settings)?;
     // The depths are not known: opaque voxels may have a finer lattice than others, or none.
-    let canvases = [0.0, MAX_DEPTH].map(|deepest| match Plane::choose(&view, &order, bounds, || deepest, settings) {
+    let canvases = [0.0, MAX_DEPTH].map(|deepest| match Plane::choose(&view, &order, bounds, deepest, settings) {
         Some(Plane::Lattice(lattice)) => {
             Canvas::Lattice { size: lattice.size, kept: lattice.kept(), copied: lattice.copied() }
         }

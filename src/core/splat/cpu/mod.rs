@@ -119,14 +119,15 @@ fn draw_scene(
     front: Option<&Front>,
     start: Instant,
 ) -> Result<(Frame, Stats)> {
-    let setup = FrameSetup::new(scene, camera, settings)?;
+    let mut setup = FrameSetup::new(scene, camera, settings)?;
     setup.lane.at_hand()?;
     let table = Table::new(scene, &setup.lane, settings, setup.view.mean_voxel)?;
-    // Computing the bounds takes a pass over all tiles; the largest optical depth, one over all looks.
+    let deepest = table.deepest();
+    setup.kernel = settings.kernel_of_depth(deepest, &setup.view);
+    // Computing the bounds takes a pass over all tiles.
     let bounds = if settings.keeps_pixels() { None } else { setup.lane.bounds() };
     let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
-    let sampling =
-        bounds.and_then(|bounds| Plane::choose(&setup.view, &setup.order, &bounds, || table.deepest(), settings));
+    let sampling = bounds.and_then(|bounds| Plane::choose(&setup.view, &setup.order, &bounds, deepest, settings));
     // Faint scenes are drawn in stacks, on the picture's own pixels. Splats are fainter there than on a lattice if voxels are small.
     let is_faint = |lattice: &Lattice| {
         let strongest = lattice.strength().unwrap_or_else(|| faint::strongest(&setup, &table));
@@ -185,14 +186,8 @@ enum Plane {
 impl Plane {
     /// Returns the best way to sample a view of the voxels in `bounds`; `None` to draw one sample for each pixel.
     ///
-    /// `deepest` returns the largest optical depth of any voxel, along a ray as long as the mean voxel spacing.
-    fn choose(
-        view: &View,
-        order: &Order,
-        bounds: &VoxelBox,
-        deepest: impl FnOnce() -> f64,
-        settings: &Settings,
-    ) -> Option<Plane> {
+    /// `deepest` is the largest optical depth of any voxel, along a ray as long as the mean voxel spacing.
+    fn choose(view: &View, order: &Order, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Option<Plane> {
         let lattice = Lattice::new(view, order, bounds, deepest, settings).map(|plane| Plane::Lattice(Box::new(plane)));
         lattice.or_else(|| Supersampling::new(view, bounds, settings).map(Plane::Supersampling))
     }

@@ -86,7 +86,7 @@ impl Lattice {
         view: &View,
         order: &Order,
         bounds: &VoxelBox,
-        deepest: impl FnOnce() -> f64,
+        deepest: f64,
         settings: &Settings,
     ) -> Option<Lattice> {
         let of_sampling = match settings.sampling() {
@@ -103,14 +103,14 @@ impl Lattice {
         if !is_drawn {
             return None;
         }
-        let kernel = settings.kernel();
+        let kernel = settings.kernel_of_depth(deepest, view);
         let nested = [order.slow.index(), order.fast.index(), order.medium.index()];
         let widths = settings.blocks.widths(settings.fine_kernel());
         let squares = nested.map(|axis| std::array::from_fn(|shape| widths.of(shape)[axis].powi(2)));
         // Standard deviations of the widest kernels along the fast and the medium axis.
         let sigmas = [1, 2].map(|n: usize| f64::from(kernel.sigma * widths.of(0)[nested[n]]));
         // The edge of what is opaque rises faster than its footprint; a picture of small voxels shows no such edges.
-        let peak = deepest() / (std::f64::consts::TAU * sigmas[0] * sigmas[1]);
+        let peak = deepest / (std::f64::consts::TAU * sigmas[0] * sigmas[1]);
         let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
         let width = f64::from(sigma_at_centre(view, bounds, settings));
         let is_fine = sharpness > SHARP && width < f64::from(LOW_PASS) && settings.sampling() == Sampling::Enough;
