@@ -215,12 +215,17 @@ fn build(arguments: &BuildArguments) -> Result<Answer> {
     let BuildArguments { brick, output } = arguments;
     let input = Input::find(&brick.input)?;
     let (plan, mut source) = brick.open(&input)?;
-    match std::fs::create_dir(output) {
-        Err(fault) if fault.kind() == std::io::ErrorKind::AlreadyExists && output.is_dir() => {}
-        made => made.map_err(Error::io("create the folder", output))?,
-    }
+    let is_new = match std::fs::create_dir(output) {
+        Err(fault) if fault.kind() == std::io::ErrorKind::AlreadyExists && output.is_dir() => false,
+        made => made.map(|()| true).map_err(Error::io("create the folder", output))?,
+    };
     let resources = brick.resources(output.clone());
-    let voxels = plan.build(brick.number, &mut source, output, &resources, &mut Progress::new(brick.quiet))?;
+    let built = plan.build(brick.number, &mut source, output, &resources, &mut Progress::new(brick.quiet));
+    if built.is_err() && is_new {
+        // Another process may have put a brick there meanwhile: only an empty folder goes.
+        let _ = std::fs::remove_dir(output);
+    }
+    let voxels = built?;
     print_result(&format!("{}: brick {}, {voxels} visible voxels", output.display(), brick.number));
     Ok(Answer::Yes)
 }

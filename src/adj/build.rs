@@ -211,6 +211,14 @@ pub(super) fn say_levels(wanted: Levels, path: &Path) {
     }
 }
 
+/// Prints by how much stored values are rounded, if they are.
+pub(super) fn say_rounding(bits: u8, rounding: f64) {
+    if rounding > 0.0 {
+        let by = if (0.001..1e6).contains(&rounding) { format!("{rounding:.3}") } else { format!("{rounding:.3e}") };
+        print_result(&format!("values are stored in {bits} bits, rounded by at most {by}"));
+    }
+}
+
 /// Prints what memory and disk the build will take, before it starts.
 fn say_need(budget: &Budget, header: &Header) {
     let memory = HumanBytes(budget.need);
@@ -242,6 +250,15 @@ pub(super) fn classify_with_warnings(
             if options.value_bits == Some(8) { "use --value-bits 16" } else { "narrow the range of what is visible" };
         print_note(&format!(
             "warning: {count} visible voxels turn transparent, as their values share codes with transparent ones; {better}"
+        ));
+    }
+    let SampleSummary { lowest, highest, rounding, .. } = built.samples;
+    // Codes that are spread over the data alone round by half a step.
+    let codes = 2.0f64.powi(built.facts.channels.value_bits.into());
+    if rounding > 2.0 * (highest - lowest) / (2.0 * (codes - 1.0)) {
+        print_note(&format!(
+            "warning: the range of what is visible reaches far beyond the samples, which run from {lowest} to {highest}, so values \
+             are stored coarsely; end it there, or leave that end open"
         ));
     }
     if built.samples.unnamed.voxels > 0 {
@@ -329,11 +346,7 @@ fn report(
         path.display(),
         HumanBytes(bytes),
     ));
-    if findings.rounding > 0.0 {
-        let (bits, by) = (facts.channels.value_bits, findings.rounding);
-        let by = if (0.001..1e6).contains(&by) { format!("{by:.3}") } else { format!("{by:.3e}") };
-        print_result(&format!("values are stored in {bits} bits, rounded by at most {by}"));
-    }
+    say_rounding(facts.channels.value_bits, findings.rounding);
     if let Some(culled) = culled {
         print_result(&culled.line());
     }

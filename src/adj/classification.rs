@@ -13,6 +13,7 @@ use adjsplat::classify::colour::srgb_from_linear;
 use adjsplat::classify::{Cap, TransferFunction};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::SlabSource;
+use adjsplat::volume::phantom::Phantom;
 
 /// The flags that say which values are visible, and what they look like; the user gives one of them.
 #[derive(Debug, Args)]
@@ -163,6 +164,12 @@ pub(super) fn flag_of(suggestion: &Suggestion) -> String {
         Suggestion::StatedLabels(_) => format!("--labels {OWN_PALETTE}"),
         _ => "--labels distinct".to_owned(),
     }
+}
+
+/// Returns the flag that shows what a phantom shows without one.
+pub(super) fn flag_of_phantom(phantom: &Phantom) -> String {
+    let (low, high) = phantom.visible_range();
+    format!("--range {low}..{high}")
 }
 
 /// Reads the transfer function in the file `name`, or else returns the preset of this name.

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::classification::flag_of;
+use super::classification::{flag_of, flag_of_phantom};
 use super::flags::one_line;
 use super::histogram::{POINTS, chart, plot, short, thresholds};
-use super::input::{Input, InputArguments};
+use super::input::{Input, InputArguments, phantom};
 use super::progress::Progress;
 use super::study::output::{check_plots, write_plots};
 use super::{Answer, check_output, print_result, starts_as_adj};
@@ -276,6 +276,13 @@ fn of_volume(arguments: &Arguments, input: &Input) -> Result<(Value, Histogram)>
         write_plots(&arguments.plot, &plot(&name, &histogram, &gradients))?;
     }
     drop(progress);
+    let suggestion = match phantom(input.path())? {
+        Some(phantom) => Some(flag_of_phantom(&phantom)),
+        None => {
+            let stated = Suggestion::stated(&*source).ok().flatten();
+            stated.or_else(|| Suggestion::of(&histogram).ok()).as_ref().map(flag_of)
+        }
+    };
     let quantiles: Vec<Value> =
         QUANTILES.iter().map(|&share| json!({ "share": share, "value": histogram.quantile(share) })).collect();
     let answer = json!({
@@ -296,7 +303,7 @@ fn of_volume(arguments: &Arguments, input: &Input) -> Result<(Value, Histogram)>
         "not_finite": histogram.not_finite,
         "quantiles": quantiles,
         "histogram": histogram.rebinned(histogram.counts.len().min(POINTS)),
-        "suggestion": Suggestion::stated(&*source).ok().flatten().or_else(|| Suggestion::of(&histogram).ok()).map(|found| flag_of(&found)),
+        "suggestion": suggestion,
     });
     Ok((answer, histogram))
 }

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::build::{LANES, TILE_ORDERS, check_adj_output, say_levels, stored_levels};
+use super::build::{LANES, TILE_ORDERS, check_adj_output, say_levels, say_rounding, stored_levels};
 use super::classification::ClassificationArguments;
 use super::info::open_adj;
 use super::progress::Progress;
@@ -121,10 +121,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         return Err(Error::input("transfer function", why));
     }
     warn(&arena, &options, &left);
-    let description = description(&arena, arguments, crop, left.transfer.as_ref());
+    let description = description(&arena, arguments, crop, &left);
     let tile_order = arguments.packing.order.unwrap_or(left.facts.tile_order);
     let stored_lanes = u8::try_from(arena.lanes().count()).expect("there are three axes");
     let levels = arguments.levels.unwrap_or(Levels::Count(arena.level_count()));
+    let rounding = left.rounding;
     let output = RowsOutput {
         facts: Facts { tile_order, ..left.facts },
         description: &description,
@@ -134,7 +135,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         levels,
     };
     let (facts, bytes) = write_rows(&arguments.output, &*left.rows, &output, &mut Progress::new(arguments.quiet))?;
-    report(arguments, &arena, &facts, bytes, start.elapsed().as_secs_f64(), levels);
+    report(arguments, &arena, &facts, (bytes, rounding), start.elapsed().as_secs_f64(), levels);
     Ok(Answer::Yes)
 }
 
@@ -174,12 +175,7 @@ fn description_of(arena: &Arena) -> Value {
 }
 
 /// Returns the file's description with an entry for this trim.
-fn description(
-    arena: &Arena,
-    arguments: &Arguments,
-    crop: Option<VoxelBox>,
-    transfer: Option<&TransferFunction>,
-) -> String {
+fn description(arena: &Arena, arguments: &Arguments, crop: Option<VoxelBox>, left: &Trim) -> String {
     let mut description = description_of(arena);
     let mut entry = json!({
         "generator": concat!("adjsplat ", env!("CARGO_PKG_VERSION")),
@@ -190,7 +186,7 @@ fn description(
         entry["dims_before"] = json!(arena.facts().grid.dims);
         entry["keep_grid"] = json!(arguments.keep_grid);
     }
-    if let Some(transfer) = transfer {
+    if let Some(transfer) = &left.transfer {
         let transfer = serde_json::to_value(transfer).expect("a transfer function is plain JSON");
         entry["transfer_function_before"] = std::mem::replace(&mut description["transfer_function"], transfer);
     }
@@ -200,6 +196,10 @@ fn description(
     }
     if packing.value_bits.is_some() {
         entry["value_bits_before"] = json!(arena.facts().channels.value_bits);
+        // Both roundings may go the same way.
+        if let Some(before) = description["values"]["rounding"].as_f64() {
+            description["values"]["rounding"] = json!(before + left.rounding);
+        }
     }
     if packing.normals.is_some() {
         entry["normal_bits_before"] = json!(arena.facts().channels.normal_bits);
@@ -211,7 +211,14 @@ fn description(
     description.to_string()
 }
 
-fn report(arguments: &Arguments, arena: &Arena, facts: &Facts, bytes: u64, seconds: f64, levels: Levels) {
+fn report(
+    arguments: &Arguments,
+    arena: &Arena,
+    facts: &Facts,
+    (bytes, rounding): (u64, f64),
+    seconds: f64,
+    levels: Levels,
+) {
     let path = arguments.output.display();
     let (visible, before) = (facts.visible_voxels, arena.facts().visible_voxels);
     let bytes_before = arena.bytes().len() as u64;
@@ -226,6 +233,7 @@ fn report(arguments: &Arguments, arena: &Arena, facts: &Facts, bytes: u64, secon
                 "bytes_total": bytes,
                 "bytes_before": bytes_before,
                 "bytes_per_visible_voxel": per_voxel,
+                "rounding": rounding,
                 "levels": stored_levels(levels, &arguments.output).map_or(0, |(count, _)| count),
                 "seconds": seconds,
             })
@@ -241,5 +249,6 @@ fn report(arguments: &Arguments, arena: &Arena, facts: &Facts, bytes: u64, secon
         indicatif::HumanBytes(bytes),
         indicatif::HumanBytes(bytes_before),
     ));
+    say_rounding(facts.channels.value_bits, rounding);
     say_levels(levels, &arguments.output);
 }

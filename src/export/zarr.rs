@@ -72,13 +72,15 @@ fn along(index: u32, points: u32) -> Range<u32> {
     index * CHUNK..((index + 1) * CHUNK).min(points)
 }
 
-/// Writes the chunks of a row along x that hold voxels. Returns their bytes.
+/// Writes the chunks of a row along x that hold other values than the fill, and the volume's first chunk, so that no volume is without
+/// any. Returns their bytes.
 fn write_chunks(level: &Path, volume: &DenseVolume, part: &[Range<u32>; 3], buffer: &mut [u8]) -> Result<u64> {
     let [xs, ys, zs] = part;
     let sample = volume.sample_type.bytes();
     let [width, height, depth] = [xs, ys, zs].map(|range| (range.end - range.start) as usize);
     let buffer = &mut buffer[..width * height * depth * sample];
-    if !volume.read(part, buffer)? {
+    let is_first = [xs, ys, zs].iter().all(|range| range.start == 0);
+    if !volume.read(part, buffer)? && !is_first {
         return Ok(0);
     }
     let (edge, fill) = (CHUNK as usize, volume.fill_sample());
@@ -91,7 +93,7 @@ fn write_chunks(level: &Path, volume: &DenseVolume, part: &[Range<u32>; 3], buff
             let at = (line / height * edge + line % height) * edge * sample;
             chunk[at..at + run].copy_from_slice(&samples[first * sample..][..run]);
         }
-        if chunk.chunks_exact(sample).all(|found| found == fill) {
+        if !(is_first && first == 0) && chunk.chunks_exact(sample).all(|found| found == fill) {
             continue;
         }
         let x = xs.start as usize + first;

@@ -32,11 +32,11 @@ const MAX_DIMENSION: usize = 16;
 
 /// The names of the fields that are read, separated by spaces.
 const USED: &str = "dimension sizes type encoding endian spacings space spacedirections spaceorigin spaceunits kinds \
-    lineskip byteskip datafile";
+    lineskip byteskip datafile axismins axismaxs centers centerings";
 
 /// The names of the fields that are ignored: they change neither samples nor grid.
-const IGNORED: &str = "content number sampleunits blocksize min max oldmin oldmax axismins axismaxs centers centerings \
-    labels units thicknesses measurementframe spacedimension";
+const IGNORED: &str = "content number sampleunits blocksize min max oldmin oldmax labels \
+    units thicknesses measurementframe spacedimension";
 
 /// Opens the NRRD file or header at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
@@ -51,7 +51,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let volume_count = volumes
         .filter(|count| *count > 0)
         .ok_or_else(|| fields.fault("sizes", RULE_SIZES, "a number of volumes above 0 that can be counted".into()))?;
-    let grid = fields.frame(sizes.len())?.grid(path, "NRRD grid", dims, options.spacing)?;
+    let grid = fields.frame(&sizes)?.grid(path, "NRRD grid", dims, options.spacing)?;
     let (files, header_end) = fields.files(&sizes, &mut lines, options)?;
     let byte_skip = fields.byte_skip(codec)?;
     // A negative byte skip counts from the file's end, so lines before the samples do not matter.
@@ -258,8 +258,33 @@ impl NrrdFields {
             .ok_or_else(|| self.fault("byteskip", "NRRD byte skip", expected()))
     }
 
-    /// Returns the position and directions of the first three of `dimension` axes in the world.
-    fn frame(&self, dimension: usize) -> Result<FileFrame> {
+    /// Returns the numbers of a field, one for each axis; `None` if the header does not have the field.
+    fn numbers(&self, name: &str, rule: &'static str, dimension: usize) -> Result<Option<Vec<f64>>> {
+        let Some(text) = self.get(name) else { return Ok(None) };
+        let all: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
+        let all = all.filter(|all| all.len() == dimension);
+        all.map(Some).ok_or_else(|| self.fault(name, rule, format!("{dimension} numbers")))
+    }
+
+    /// Returns the spacing and the place of the first point of the first three axes, as `axis mins` and `axis maxs` say: these are of
+    /// points if samples are `node`-centred, else of the outer faces of cells. `None` for an axis of which they say nothing.
+    fn extents(&self, sizes: &[u64]) -> Result<[Option<[f64; 2]>; 3]> {
+        let lows = self.numbers("axismins", "NRRD axis mins", sizes.len())?;
+        let highs = self.numbers("axismaxs", "NRRD axis maxs", sizes.len())?;
+        let centers = self.get("centers").or_else(|| self.get("centerings")).unwrap_or_default();
+        let centers: Vec<&str> = centers.split_whitespace().collect();
+        Ok([0, 1, 2].map(|axis| {
+            let (low, high) = (*lows.as_ref()?.get(axis)?, *highs.as_ref()?.get(axis)?);
+            let is_node = centers.get(axis).is_some_and(|center| center.eq_ignore_ascii_case("node"));
+            let spacing = (high - low) / (sizes[axis] as f64 - f64::from(u8::from(is_node)));
+            // A slice of nodes has no spacing, and an axis that is not known has NaN.
+            (spacing.is_finite() && spacing > 0.0).then(|| [spacing, if is_node { low } else { low + spacing / 2.0 }])
+        }))
+    }
+
+    /// Returns the position and directions of the first three axes, of `sizes` points, in the world.
+    fn frame(&self, sizes: &[u64]) -> Result<FileFrame> {
+        let dimension = sizes.len();
         const RULE: &str = "NRRD space";
         let world = match self.get("space") {
             None => World::RightHanded,
@@ -274,17 +299,13 @@ impl NrrdFields {
                 FileFrame::from_steps(steps, [0.0; 3], world)
             }
             None => {
-                let spacing = match self.get("spacings") {
-                    None => [1.0; 3],
-                    Some(text) => {
-                        let all: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
-                        let all = all.filter(|all| all.len() == dimension);
-                        let expected = || format!("{dimension} numbers");
-                        let all = all.ok_or_else(|| self.fault("spacings", "NRRD spacings", expected()))?;
-                        [all[0], all[1], all.get(2).copied().unwrap_or(1.0)]
-                    }
-                };
-                FileFrame { world, ..FileFrame::upright(spacing) }
+                let extents = self.extents(sizes)?;
+                let mut spacing = extents.map(|axis| axis.map_or(1.0, |[spacing, _]| spacing));
+                if let Some(stated) = self.numbers("spacings", "NRRD spacings", dimension)? {
+                    spacing = [stated[0], stated[1], stated.get(2).copied().unwrap_or(1.0)];
+                }
+                let origin = extents.map(|axis| axis.map_or(0.0, |[_, first]| first));
+                FileFrame { world, origin, ..FileFrame::upright(spacing) }
             }
         };
         if let Some(text) = self.get("spaceorigin") {

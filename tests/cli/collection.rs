@@ -233,8 +233,7 @@ fn a_step_with_wrong_input_is_refused_and_writes_nothing() {
         .refused(&["cannot create the folder plan.json"]);
     folder.adj("brick plan no.nrrd --range 3.. --slab 4 -o p.json").refused(&["no.nrrd"]);
     let names = folder.names();
-    assert_eq!(names, ["a.adjs", "agreed.json", "found-0.json", "found-1.json", "plan.json"]);
-    assert!(std::fs::read_dir(folder.file("a.adjs")).expect("it is there").next().is_none());
+    assert_eq!(names, ["agreed.json", "found-0.json", "found-1.json", "plan.json"]);
     folder.adj(&format!("brick build agreed.json 1 {volume} -o a.adjs")).done();
     folder.adj("brick finish agreed.json a.adjs").refused(&["visible voxels are there", "have any of: 0"]);
     folder.adj(&format!("brick build agreed.json 0 {volume} -o a.adjs")).done();

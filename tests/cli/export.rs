@@ -217,6 +217,17 @@ fn hidden_points_get_a_value_that_is_hidden() {
     assert_eq!(fill["fill_value"], "NaN");
 }
 
+/// A volume of nothing but the fill had no chunk at all, and could not be read again.
+#[test]
+fn a_zarr_folder_of_nothing_but_the_fill_is_read_again() {
+    let folder = Folder::new();
+    folder.write("v.raw", &[0; 60]);
+    folder.adj("build v.raw --dims 5x4x3 --type u8 --range 0.. -o a.adj").done();
+    folder.adj("export a.adj -o a.zarr").done();
+    let told = folder.adj("info a.zarr --json").json();
+    assert_eq!((&told["lowest"], &told["highest"]), (&0.0.into(), &0.0.into()));
+}
+
 #[test]
 fn label_maps_stay_label_maps() {
     let folder = Folder::new();

@@ -71,6 +71,44 @@ fn a_threshold_leaves_what_is_above_and_says_so() {
     folder.adj("render b.adj -o b.png --size 40x40").done();
 }
 
+/// Whole numbers of -30 to 29 as `i16`, and a file of those from -20 up with values of 16 bits.
+fn wide(folder: &Folder) {
+    let samples: Vec<u8> = (-30..30i16).flat_map(i16::to_le_bytes).collect();
+    folder.write("w.raw", &samples);
+    folder.adj("build w.raw --dims 5x4x3 --type i16le --range=-20..29 --value-bits 16 -o w.adj").done();
+}
+
+/// The range of the sample type took the place of the data's: all voxels had the darkest colours.
+#[test]
+fn an_open_range_after_a_closed_one_has_the_colours_of_the_data() {
+    let folder = Folder::new();
+    wide(&folder);
+    folder.adj("trim w.adj -o t.adj --range 0..").done();
+    folder.adj("render t.adj -o t.exr --size 40x40").done();
+    folder.adj("render w.raw --dims 5x4x3 --type i16le --range 0.. -o w.exr --size 40x40").done();
+    assert_eq!(folder.adj("compare t.exr w.exr --json").json()["max_abs"], 0.0);
+    // A range of values that is given stays, whatever the data.
+    let function = r#"{"kind":"range","low":0,"value_range":[0,1000]}"#;
+    folder.write("f.json", function.as_bytes());
+    folder.adj("build w.raw --dims 5x4x3 --type i16le --tf f.json -o f.adj").done();
+    assert_eq!(info(&folder, "f.adj")["description"]["transfer_function"]["value_range"], json!([0.0, 1000.0]));
+}
+
+#[test]
+fn narrowed_values_say_by_how_much_they_are_rounded() {
+    let folder = Folder::new();
+    let samples: Vec<u8> = (0..60u16).flat_map(|n| (17 * n).to_le_bytes()).collect();
+    folder.write("w.raw", &samples);
+    folder.adj("build w.raw --dims 5x4x3 --type u16le --range 1.. --value-bits 16 -o w.adj").done();
+    assert_eq!(info(&folder, "w.adj")["value_rounding"], 0.0);
+    let told = folder.adj("trim w.adj -o n.adj --value-bits 8 --json").json();
+    let rounding = told["rounding"].as_f64().expect("a number");
+    // Steps of (1003 - 17) / 255.
+    assert!(rounding > 1.5 && rounding < 1.94, "{rounding}");
+    assert_eq!(info(&folder, "n.adj")["value_rounding"], told["rounding"]);
+    assert!(folder.adj("trim w.adj -o n.adj --value-bits 8").done().contains("rounded by at most 1."));
+}
+
 #[test]
 fn a_crop_moves_nothing_in_the_world() {
     let folder = Folder::new();

@@ -66,6 +66,25 @@ fn nrrd_is_read_in_every_type_order_and_encoding() {
     }
 }
 
+/// They were ignored: the spacing was 1.
+#[test]
+fn nrrd_without_spacings_lies_between_its_axis_mins_and_maxs() {
+    let folder = Folder::new();
+    let frame = |fields: &str| {
+        let header = format!("NRRD0005\ntype: uint8\ndimension: 3\nsizes: 4 3 2\nencoding: raw\n{fields}\n");
+        let path = folder.write("a.nrrd", &[header.as_bytes(), known(SampleType::U8).bytes()]);
+        let grid = read(&path).unwrap_or_else(|error| panic!("{fields}: {error}")).header.grid;
+        (grid.spacing, grid.origin)
+    };
+    let extents = "axis mins: 0 1 -4\naxis maxs: 6 4 NaN\n";
+    assert_eq!(frame(&format!("{extents}centers: node cell node\n")), ([2.0, 1.0, 1.0], [0.0, 1.5, 0.0]));
+    assert_eq!(frame(extents), ([1.5, 1.0, 1.0], [0.75, 1.5, 0.0]));
+    assert_eq!(frame(&format!("{extents}spacings: 3 3 3\n")).0, [3.0; 3]);
+    let short = "NRRD0005\ntype: uint8\ndimension: 3\nsizes: 4 3 2\nencoding: raw\naxis mins: 0 1\n\n";
+    let path = folder.write("a.nrrd", &[short.as_bytes(), known(SampleType::U8).bytes()]);
+    expect_refused(&path, &OpenOptions::new(), &["NRRD axis mins", "3 numbers"]);
+}
+
 #[test]
 fn nrrd_skips_lines_and_bytes_before_and_behind() {
     let folder = Folder::new();

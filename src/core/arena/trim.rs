@@ -87,11 +87,13 @@ pub struct Trim<'a> {
     pub transfer: Option<TransferFunction>,
     /// Number of noticeable voxels (opacity at least 0.02) that become transparent because their value is narrowed.
     pub blurred_away: u64,
+    /// The most by which narrowing changes a kept voxel's value.
+    pub rounding: f64,
 }
 
 /// Selects the voxels of `arena` to keep. `stored` is the transfer function that the arena was built with, if known.
 ///
-/// Reads the lane along x once to count, twice if values are narrowed.
+/// Reads the lane along x once to count, two or three times if values are narrowed.
 ///
 /// # Errors
 /// [`Error::Input`] if the crop lies outside the grid, if the transfer function needs magnitudes that are missing or
@@ -139,11 +141,15 @@ pub fn trim<'a>(arena: &Arena<'a>, stored: Option<&TransferFunction>, options: &
         scales.magnitude_scale = 0.0;
     }
     let mut narrowing = None;
-    let mut blurred_away = 0;
+    let (mut blurred_away, mut rounding) = (0, 0.0);
     if channels.value_bits < old.channels.value_bits {
         let quantiser = quantiser(&old.scales, lowest_code..=highest_code, in_force)?;
         scales.value_low = quantiser.low();
         scales.value_step = quantiser.step();
+        each_record(&left, |record| {
+            let value = old.scales.value(record.value.into());
+            rounding = (value - quantiser.decode(quantiser.encode(value))).abs().max(rounding);
+        })?;
         blurred_away = match in_force {
             Some(transfer) if !quantiser.is_lossless() => blurred(&left, transfer, old, &quantiser)?,
             _ => 0,
@@ -168,7 +174,7 @@ pub fn trim<'a>(arena: &Arena<'a>, stored: Option<&TransferFunction>, options: &
         (rows.cropped(&crop), crop.grid(&old.grid))
     };
     let facts = Facts { grid, channels, scales, visible_voxels, ..*old };
-    Ok(Trim { rows: Box::new(rows), facts, transfer, blurred_away })
+    Ok(Trim { rows: Box::new(rows), facts, transfer, blurred_away, rounding })
 }
 
 /// Completes a transfer function as a build does: sets its value range, voxel length and largest magnitude.

@@ -55,7 +55,9 @@ impl VoxelEncoder {
         if largest > 0.0 {
             transfer = transfer.with_largest_magnitude(largest)?;
         }
-        if lowest.is_finite() && highest.is_finite() {
+        // Of a wider type that nobody asked for the data's range, the type's says nothing about the data.
+        let is_of_data = options.needs_data_range(header.sample_type) || header.sample_type.bytes() == 1;
+        if is_of_data && lowest.is_finite() && highest.is_finite() {
             transfer = transfer.with_value_range(lowest, highest)?;
         }
         let domain = transfer.domain(largest);

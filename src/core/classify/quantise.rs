@@ -143,13 +143,13 @@ impl Quantiser {
         if quantiser.exact.is_some() || quantiser.low == quantiser.high {
             return Ok(quantiser);
         }
-        let (low, high) = (quantiser.low, quantiser.high);
+        let Quantiser { low, high, .. } = quantiser;
         let wide_enough = bits == 8
             && Quantiser::new([low, high], 16, sample_type, slope, intercept).is_ok_and(|wide| wide.exact.is_some());
         refused(if wide_enough {
-            format!("has labels from {low} to {high}, more than 8 bits tell apart; use 16-bit values")
+            format!("has labels up to {high}, more than 8 bits tell apart; use 16-bit values")
         } else {
-            format!("has labels from {low} to {high}, more than 16 bits tell apart; renumber it or choose fewer")
+            format!("has labels up to {high}, more than 16 bits tell apart; renumber it or choose fewer")
         })
     }
 

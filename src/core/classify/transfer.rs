@@ -111,7 +111,8 @@ impl TransferFunction {
         self.checked()
     }
 
-    /// Sets the data's `lowest` and `highest` value, where the colours of a range function's open ends stop.
+    /// Sets the data's `lowest` and `highest` value, where the colours of a range function's open ends stop, unless they are set
+    /// already.
     ///
     /// Functions of other kinds, and ranges with two finite ends, look the same as before.
     ///
@@ -119,7 +120,7 @@ impl TransferFunction {
     /// [`Error::Input`](crate::Error::Input) if an end is not finite or `lowest > highest`.
     pub fn with_value_range(mut self, lowest: f64, highest: f64) -> Result<TransferFunction> {
         if let TransferKind::Range { value_range, .. } = &mut self.kind {
-            *value_range = Some([lowest, highest]);
+            value_range.get_or_insert([lowest, highest]);
         }
         self.checked()
     }
