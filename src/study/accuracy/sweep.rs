@@ -90,7 +90,7 @@ mod tests {
     #[test]
     fn settings_name_every_knob_and_no_two_candidates_are_the_same() {
         let standard = Candidate::preset(Quality::Standard, 8);
-        assert_eq!(standard.settings_text(), "sigma=0.7 radius=2.75 stop=1/1024 sampling=enough values=8 normals=8");
+        assert_eq!(standard.settings_text(), "sigma=0.7 radius=3 stop=1/1024 sampling=enough values=8 normals=8");
         let high = Candidate::preset(Quality::High, 16);
         assert_eq!(high.settings_text(), "sigma=0.7 radius=3 stop=1e-5 sampling=finer values=16 normals=16");
         for quick in [true, false] {
