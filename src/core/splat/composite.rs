@@ -252,7 +252,7 @@ impl<'a> Table<'a> {
     }
 
     /// Returns the largest optical depth per mean spacing that any code has.
-    pub(crate) fn deepest(&self) -> f64 {
+    pub fn deepest(&self) -> f64 {
         match self.key {
             LookKey::Computed => MAX_DEPTH * self.depth_scale / f64::from(LOG2_E),
             _ => f64::from(self.looks.iter().fold(0.0f32, |most, look| most.max(look[3])) / LOG2_E),

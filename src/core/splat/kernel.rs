@@ -68,7 +68,7 @@ const SIGMA: f32 = 0.7;
 /// Standard deviation at sharpness 1. The picture of a constant volume varies by up to 2 % of its optical depth along an
 /// axis, which is at most 0.8 % of the light (docs/studies/sharpness.md).
 const SHARPEST: f32 = 0.55;
-/// Radius, in standard deviations, before which [`KernelShape::of_depth`] cuts no kernel off: 2.5 voxels.
+/// Radius, in standard deviations, before which faint kernels are not cut off: 2.5 voxels.
 const SHORTEST: f32 = 2.5 / SIGMA;
 
 impl Quality {
@@ -154,11 +154,14 @@ impl KernelShape {
     }
 
     /// Returns the kernel of voxels of at most this optical depth, along a ray as long as the mean spacing: cut off where they are as
-    /// faint as opaque ones are at this kernel's radius, but not before [`SHORTEST`].
+    /// faint as opaque ones are at this kernel's radius, but not before 3.57 standard deviations.
     #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
-    pub(crate) fn of_depth(self, deepest: f64) -> KernelShape {
+    pub fn of_depth(self, deepest: f64) -> KernelShape {
+        if deepest >= MAX_DEPTH {
+            return self;
+        }
         let [cut_off, shortest] = [self.cut_off(), SHORTEST].map(f64::from);
-        let square = cut_off * cut_off + 2.0 * (deepest / MAX_DEPTH).min(1.0).ln();
+        let square = cut_off * cut_off + 2.0 * (deepest / MAX_DEPTH).ln();
         let cut_off = square.max(shortest * shortest).sqrt().min(cut_off);
         KernelShape { radius: (f64::from(self.sigma) * cut_off) as f32, ..self }
     }
@@ -253,7 +256,7 @@ mod tests {
         for depth in [0.5, 1e-9, 0.0] {
             assert!((opaque.of_depth(depth).radius - 2.5).abs() < 1e-6, "{depth}");
         }
-        assert_eq!(opaque.of_depth(1e9), opaque.of_depth(MAX_DEPTH));
+        assert_eq!([1e9, MAX_DEPTH].map(|depth| opaque.of_depth(depth)), [opaque; 2]);
         let short = KernelShape { sigma: 0.6, radius: 1.9 };
         assert!((short.of_depth(0.1).radius - 1.9).abs() < 1e-6);
     }

@@ -16,8 +16,8 @@
 //! steepest one. That holds in every parallel view, and in perspective for the rays whose steepest axis is the view's.
 //! A voxel's own layer does not count. Nothing outside the volume hides a voxel: lines may come from anywhere.
 //!
-//! The proof covers the kernels of the draft, standard and high qualities, for views from outside as [`super`] defines
-//! them.
+//! The proof covers the kernels of the draft, standard and high qualities, also cut off earlier as those of faint voxels are, for views
+//! from outside as [`super`] defines them.
 
 use super::carry::carry;
 use super::weight::layer_weights;
@@ -59,16 +59,24 @@ pub(super) fn possibly_visible(
     let Some((low, high)) = x_lane.bounds() else { return Ok(()) };
     let mean = scene.facts.grid.mean_spacing();
     let lengths = scene.facts.grid.spacing.map(|step| step / mean);
-    let kernels = [Quality::Draft, Quality::Standard, Quality::High].map(Quality::kernel);
     let need = -(culling.eps.ln());
     let table = Table::new(scene, &x_lane, &Settings::every_pixel([1, 1]), mean)?;
+    let deepest = table.deepest() * lengths.into_iter().fold(0.0, f64::max);
+    let mut kernels = Vec::new();
+    for kernel in [Quality::Draft, Quality::Standard, Quality::High].map(Quality::kernel) {
+        for kernel in [kernel, kernel.of_depth(deepest)] {
+            if !kernels.contains(&kernel) {
+                kernels.push(kernel);
+            }
+        }
+    }
     let mut done = 0;
     let mut known: Vec<([f64; 3], KernelShape, [f64; 2])> = Vec::new();
     for slow in Axis::ALL {
         let fast = if slow == Axis::X { Axis::Y } else { Axis::X };
         let lane = scene.lanes.lane(fast)?;
         let open = RecordSet::new(lane.steps.len())?;
-        for kernel in kernels {
+        for &kernel in &kernels {
             // Axes often have equal distances between voxels, and then equal weights.
             let [u, v] = slow.others();
             let spacings = [slow, u, v].map(|axis| lengths[axis.index()]);
@@ -80,7 +88,7 @@ pub(super) fn possibly_visible(
                 let march = March { lane, table: &table, slow, low, high, weights, kernel, need };
                 march.run(along, MAX_DEPTH / strongest, &open, culling.memory)?;
                 done += 1;
-                report_step(observer, CullingStage::Look, done, 18)?;
+                report_step(observer, CullingStage::Look, done, 6 * kernels.len() as u64)?;
             }
         }
         if fast == Axis::X {

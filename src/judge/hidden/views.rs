@@ -132,22 +132,26 @@ fn axes_and_diagonals(frame: &WorldFrame) -> impl Iterator<Item = DVec3> + '_ {
     })
 }
 
-const KERNELS: [Quality; 3] = [Quality::Standard, Quality::High, Quality::Draft];
+/// Returns the kernels of views: that of `standard` and `high`, that of `draft`, and the shortest of all, of faint voxels.
+fn kernels() -> [KernelShape; 3] {
+    let [standard, draft] = [Quality::Standard, Quality::Draft].map(Quality::kernel);
+    [standard, draft, draft.of_depth(0.0)]
+}
 
 /// Returns the deciding views: along all axes and diagonals with every kernel, then `count` all around, then some near
 /// faces.
 pub(super) fn deciding(target: &ViewTarget, count: u32) -> Result<Vec<CullingView>> {
     let mut views = Vec::new();
     for direction in axes_and_diagonals(&target.frame) {
-        for quality in KERNELS {
-            views.push(target.parallel(direction, quality.kernel(), MAX_SIZE)?);
+        for kernel in kernels() {
+            views.push(target.parallel(direction, kernel, MAX_SIZE)?);
         }
     }
     let mut random = RandomNumbers(1);
     for index in 0..count {
         let direction = sphere_direction(index, count);
         // Neighbours on the sphere are a Fibonacci number of indices apart: kernels alternate among them too.
-        let kernel = KERNELS[(index % 4).saturating_sub(1) as usize].kernel();
+        let kernel = kernels()[(index % 4).saturating_sub(1) as usize];
         views.push(match index % 5 {
             3 => target.whole_volume(direction, 1.0 + random.number() * 3.0 + 0.15, kernel, MAX_SIZE)?,
             _ => target.parallel(direction, kernel, MAX_SIZE)?,
@@ -178,7 +182,7 @@ pub(super) fn judging(target: &ViewTarget, count: u32, round: u32) -> Result<Vec
         let (sin, cos) = (2.0 * PI * random.number()).sin_cos();
         let across = (1.0 - z * z).sqrt();
         let direction = DVec3::new(across * cos, across * sin, z);
-        let kernel = KERNELS[(index % 4).saturating_sub(1) as usize].kernel();
+        let kernel = kernels()[(index % 4).saturating_sub(1) as usize];
         views.push(match index % 6 {
             0..=2 => target.parallel(direction, kernel, JUDGING_SIDE)?,
             3 | 4 => target.whole_volume(direction, 1.15 + 3.0 * random.number(), kernel, JUDGING_SIDE)?,
