@@ -253,9 +253,9 @@ pub(super) fn classify_with_warnings(
         ));
     }
     let SampleSummary { lowest, highest, rounding, .. } = built.samples;
-    // Codes that are spread over the data alone round by half a step.
+    // If codes were spread over the samples alone, values would be rounded by at most half of this.
     let codes = 2.0f64.powi(built.facts.channels.value_bits.into());
-    if rounding > 2.0 * (highest - lowest) / (2.0 * (codes - 1.0)) {
+    if rounding > (highest - lowest) / (codes - 1.0) {
         print_note(&format!(
             "warning: the range of what is visible reaches far beyond the samples, which run from {lowest} to {highest}, so values \
              are stored coarsely; end it there, or leave that end open"

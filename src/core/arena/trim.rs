@@ -93,7 +93,7 @@ pub struct Trim<'a> {
 
 /// Selects the voxels of `arena` to keep. `stored` is the transfer function that the arena was built with, if known.
 ///
-/// Reads the lane along x once to count, two or three times if values are narrowed.
+/// Reads the lane along x once to count, three times if values are narrowed and rounded.
 ///
 /// # Errors
 /// [`Error::Input`] if the crop lies outside the grid, if the transfer function needs magnitudes that are missing or
@@ -146,14 +146,13 @@ pub fn trim<'a>(arena: &Arena<'a>, stored: Option<&TransferFunction>, options: &
         let quantiser = quantiser(&old.scales, lowest_code..=highest_code, in_force)?;
         scales.value_low = quantiser.low();
         scales.value_step = quantiser.step();
-        each_record(&left, |record| {
-            let value = old.scales.value(record.value.into());
-            rounding = (value - quantiser.decode(quantiser.encode(value))).abs().max(rounding);
-        })?;
-        blurred_away = match in_force {
-            Some(transfer) if !quantiser.is_lossless() => blurred(&left, transfer, old, &quantiser)?,
-            _ => 0,
-        };
+        if !quantiser.is_lossless() {
+            each_record(&left, |record| {
+                let value = old.scales.value(record.value.into());
+                rounding = (value - quantiser.decode(quantiser.encode(value))).abs().max(rounding);
+            })?;
+            blurred_away = in_force.map_or(Ok(0), |transfer| blurred(&left, transfer, old, &quantiser))?;
+        }
         narrowing = Some((quantiser, old.scales));
     }
     drop(left);

@@ -55,7 +55,7 @@ impl VoxelEncoder {
         if largest > 0.0 {
             transfer = transfer.with_largest_magnitude(largest)?;
         }
-        // Of a wider type that nobody asked for the data's range, the type's says nothing about the data.
+        // Without the samples' range this is the range of their type, which says nothing about the data if it has more than 8 bits.
         let is_of_data = options.needs_data_range(header.sample_type) || header.sample_type.bytes() == 1;
         if is_of_data && lowest.is_finite() && highest.is_finite() {
             transfer = transfer.with_value_range(lowest, highest)?;

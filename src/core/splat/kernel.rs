@@ -121,7 +121,8 @@ impl Quality {
 pub struct KernelShape {
     /// Standard deviation; 0.2 to 4.
     pub sigma: f32,
-    /// Distance at which the kernel is cut off; 1 to 6 times `sigma`.
+    /// Distance at which the kernel is cut off; 1 to 6 times `sigma`. Where few samples are drawn, the kernels of faint voxels are cut off
+    /// earlier ([`KernelShape::of_depth`]).
     pub radius: f32,
 }
 
@@ -153,8 +154,8 @@ impl KernelShape {
         Ok(KernelShape { sigma: self.sigma * factor, radius: self.radius * factor })
     }
 
-    /// Returns the kernel of voxels of at most this optical depth, along a ray as long as the mean spacing: cut off where they are as
-    /// faint as opaque ones are at this kernel's radius, but not before 3.57 standard deviations.
+    /// Returns this kernel for voxels of at most this optical depth, along a ray as long as the mean spacing. It is cut off where such
+    /// voxels are as faint as opaque ones are at its radius, but not before 3.57 standard deviations.
     #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
     pub fn of_depth(self, deepest: f64) -> KernelShape {
         if deepest >= MAX_DEPTH {
