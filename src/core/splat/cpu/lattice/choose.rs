@@ -61,6 +61,13 @@ const PER_PIXEL: f64 = 1.35;
 /// which on they are.
 const PER_FILTERED_PIXEL: f64 = 1.6;
 const SHARP: f64 = 1.3;
+/// A face along the grid is seen edge-on if rays pass at least so many slices within one voxel beside it. Its outline is that of
+/// the depths of all these voxels, up to the most, as more are hardly sharper.
+const BEHIND: [f64; 2] = [12.0, 30.0];
+/// Sharpness of such an outline per standard deviation of the kernel that its depth reaches out. Measured: docs/studies/sampling.md.
+const EDGE_ON: f64 = 0.7;
+/// The most pixels of the plane per pixel of the picture, along a side across such an outline.
+const PER_PIXEL_EDGE_ON: [f64; 2] = [2.1, 1.7];
 /// Slices are in phase if a ray moves by a whole number of voxels per slice, up to this many voxels: along an axis, and along
 /// diagonals. All slices then have pixels at the same places beside their voxels, and errors add up instead of averaging out,
 /// unless voxels are small.
@@ -113,18 +120,20 @@ impl Lattice {
         let peak = deepest / (std::f64::consts::TAU * sigmas[0] * sigmas[1]);
         let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
         let width = f64::from(sigma_at_centre(view, bounds, settings));
-        let is_fine = sharpness > SHARP && width < f64::from(LOW_PASS) && settings.sampling() == Sampling::Enough;
+        let is_fine = sharpness > SHARP && settings.sampling() == Sampling::Enough;
         let per_pixel = if is_fine { PER_FILTERED_PIXEL } else { PER_PIXEL };
+        let slices = f64::from(bounds.high[nested[0]] - bounds.low[nested[0]]) + 1.0;
         // An overexposed x-ray shows where sums begin, far out on the kernels.
         if settings.mode == Mode::Additive && sharpness > 1.0 {
             return None;
         }
-        let pixels_per_voxel = |side: usize, step: f64, least: f64| {
-            (wide * sharpness).min(least.max(per_pixel * step * sigmas[side])) / sigmas[side]
-        };
         let small = if view.margin > 0.0 { SMALL_VOXELS_BESIDE } else { SMALL_VOXELS };
-        let choose = |side: usize, step: f64| pixels_per_voxel(side, step, small);
-        let choose_far = |side: usize, step: f64| pixels_per_voxel(side, step, 0.0);
+        let choose = |side: usize, rays: &RaysBeside, step: f64, is_far: bool| {
+            let edge = if settings.mode == Mode::Additive { 0.0 } else { rays.edge_sharpness(side, deepest, slices) };
+            let per_pixel = if edge > 1.0 { PER_PIXEL_EDGE_ON[of_sampling] } else { per_pixel };
+            let least = if is_far { 0.0 } else { small };
+            (wide * sharpness.max(edge)).min(least.max(per_pixel * step * sigmas[side])) / sigmas[side]
+        };
         let extent = BoxExtent::new(bounds, nested, kernel);
         let plane = match &view.map {
             PixelMap::Parallel { .. } => {
@@ -138,7 +147,7 @@ impl Lattice {
                 // An x-ray is not steep at outlines, as opaque matter is.
                 let most_uneven = MOST_UNEVEN[if settings.mode == Mode::Additive { 1 } else { of_sampling }];
                 let limits = [WIDEST[of_sampling], NARROWEST[of_sampling], most_uneven];
-                perspective(view, width, limits, nested, &extent, [&choose, &choose_far], (kernel, squares))?
+                perspective(view, width, limits, nested, &extent, &choose, (kernel, squares))?
             }
         };
         let pixels = |size: [u32; 2]| f64::from(size[0]) * f64::from(size[1]);
@@ -147,6 +156,30 @@ impl Lattice {
             false => pixels(plane.size) <= 65_536.0,
         };
         (is_small || pixels(plane.size) <= MAX_PIXELS * pixels(view.size)).then_some(plane)
+    }
+}
+
+/// Rays beside faces of the box of the voxels.
+struct RaysBeside {
+    /// By how many voxels they move per slice, along the fast and the medium axis.
+    slopes: [f64; 2],
+    /// Their length from slice to slice, in mean spacings.
+    slice: f64,
+}
+
+impl RaysBeside {
+    /// Returns how much finer than the kernel's the outline of faces across the fast (`side` 0) or medium axis (1) is, if they are
+    /// seen edge-on; else 0. `deepest`: the largest optical depth of a voxel; `slices`: of the box.
+    fn edge_sharpness(&self, side: usize, deepest: f64, slices: f64) -> f64 {
+        let [least, most] = BEHIND;
+        let behind = slices.min(1.0 / self.slopes[side].abs());
+        if behind < least {
+            return 0.0;
+        }
+        // The depth beside a face is a half-space's, seen through the kernel: at x standard deviations from it about
+        // exp(-x^2 / 2) / 4 of that within, where x is 1.5 to 3. So it is 1 at this x.
+        let depth = deepest * self.slice * behind.min(most);
+        EDGE_ON * (2.0 * (depth / 4.0).max(1.0).ln()).sqrt()
     }
 }
 
@@ -236,7 +269,7 @@ fn parallel(
     view: &View,
     [slow, fast, medium]: [usize; 3],
     extent: &BoxExtent,
-    choose: impl Fn(usize, f64) -> f64,
+    choose: impl Fn(usize, &RaysBeside, f64, bool) -> f64,
     most_voxels_in_phase: f64,
     (kernel, squares): (KernelShape, [[f32; SHAPES]; 3]),
     width: f64,
@@ -257,8 +290,9 @@ fn parallel(
         false => shift.iter().all(is_whole) && step > SMALL_STEP,
     };
     let most_voxels = if is_in_phase { most_voxels_in_phase } else { 32.0 };
+    let rays = RaysBeside { slopes: shift, slice: scale * scale / area.abs() };
     let voxels = [0, 1].map(|side: usize| {
-        let voxels = 4.0 / choose(side, steps[side]);
+        let voxels = 4.0 / choose(side, &rays, steps[side], false);
         let voxels = match (is_beside, is_in_phase) {
             (true, false) => voxels,
             // Each pixel has the same place in the blocks of all slices, and divisors of a tile are better than 3. Between 2 and
@@ -323,7 +357,7 @@ fn perspective(
     [widest, narrowest, most_uneven]: [f64; 3],
     nested: [usize; 3],
     extent: &BoxExtent,
-    [choose, choose_far]: [&dyn Fn(usize, f64) -> f64; 2],
+    choose: impl Fn(usize, &RaysBeside, f64, bool) -> f64,
     (kernel, squares): (KernelShape, [[f32; SHAPES]; 3]),
 ) -> Option<Lattice> {
     let (PixelMap::Perspective { camera_from_voxel, focal, centre, .. }, Viewpoint::Perspective { eye, .. }) =
@@ -352,10 +386,16 @@ fn perspective(
     let to_end = [0, 1, 2].map(|n: usize| [extent.low[n], extent.high[n]].map(|end| column(nested[n]) * end));
     let to_centre: DVec3 = to_end.as_flattened().iter().sum::<DVec3>() * 0.5 + column(3);
     let distance = to_centre.length();
+    // Those farthest away, beside the faces of the box.
+    let slopes = [1, 2].map(|n: usize| {
+        let beside = [extent.low[n], extent.high[n]].map(|end| (end - eye[n]).abs());
+        beside[0].min(beside[1]) / farthest
+    });
+    let rays = RaysBeside { slopes, slice: distance / middle };
     let step = [1, 2].map(|n: usize| {
         let largest_step = focal / distance * column(nested[n]).length() * (1.0 + tangent * tangent);
-        let finest = choose(n - 1, largest_step) * middle;
-        let finest = finest.max(choose_far(n - 1, largest_step * middle / farthest) * farthest);
+        let finest = choose(n - 1, &rays, largest_step, false) * middle;
+        let finest = finest.max(choose(n - 1, &rays, largest_step * middle / farthest, true) * farthest);
         1.0 / finest
     });
     let step = step.map(|side| side.min(LONGEST_FAR * step[0].min(step[1])));
