@@ -62,8 +62,9 @@ const PER_PIXEL: f64 = 1.35;
 const PER_FILTERED_PIXEL: f64 = 1.6;
 const SHARP: f64 = 1.3;
 /// A face along the grid is seen edge-on if rays pass at least so many slices within one voxel beside it. Its outline is that of
-/// the depths of all these voxels, up to the most, as more are hardly sharper.
-const BEHIND: [f64; 2] = [12.0, 30.0];
+/// the optical depths of all these voxels together, up to the most: it is hardly sharper where they are deeper.
+const LEAST_BEHIND: f64 = 12.0;
+const MOST_BEHIND: f64 = 48.0;
 /// Sharpness of such an outline per standard deviation of the kernel that its depth reaches out. Measured: docs/studies/sampling.md.
 const EDGE_ON: f64 = 0.7;
 /// The most pixels of the plane per pixel of the picture, along a side across such an outline.
@@ -120,7 +121,7 @@ impl Lattice {
         let peak = deepest / (std::f64::consts::TAU * sigmas[0] * sigmas[1]);
         let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
         let width = f64::from(sigma_at_centre(view, bounds, settings));
-        let is_fine = sharpness > SHARP && settings.sampling() == Sampling::Enough;
+        let is_fine = sharpness > SHARP && width < f64::from(LOW_PASS) && settings.sampling() == Sampling::Enough;
         let per_pixel = if is_fine { PER_FILTERED_PIXEL } else { PER_PIXEL };
         let slices = f64::from(bounds.high[nested[0]] - bounds.low[nested[0]]) + 1.0;
         // An overexposed x-ray shows where sums begin, far out on the kernels.
@@ -130,7 +131,7 @@ impl Lattice {
         let small = if view.margin > 0.0 { SMALL_VOXELS_BESIDE } else { SMALL_VOXELS };
         let choose = |side: usize, rays: &RaysBeside, step: f64, is_far: bool| {
             let edge = if settings.mode == Mode::Additive { 0.0 } else { rays.edge_sharpness(side, deepest, slices) };
-            let per_pixel = if edge > 1.0 { PER_PIXEL_EDGE_ON[of_sampling] } else { per_pixel };
+            let per_pixel = if edge > 1.0 && step > SMALL_STEP { PER_PIXEL_EDGE_ON[of_sampling] } else { per_pixel };
             let least = if is_far { 0.0 } else { small };
             (wide * sharpness.max(edge)).min(least.max(per_pixel * step * sigmas[side])) / sigmas[side]
         };
@@ -171,14 +172,13 @@ impl RaysBeside {
     /// Returns how much finer than the kernel's the outline of faces across the fast (`side` 0) or medium axis (1) is, if they are
     /// seen edge-on; else 0. `deepest`: the largest optical depth of a voxel; `slices`: of the box.
     fn edge_sharpness(&self, side: usize, deepest: f64, slices: f64) -> f64 {
-        let [least, most] = BEHIND;
         let behind = slices.min(1.0 / self.slopes[side].abs());
-        if behind < least {
+        if behind < LEAST_BEHIND {
             return 0.0;
         }
         // The depth beside a face is a half-space's, seen through the kernel: at x standard deviations from it about
         // exp(-x^2 / 2) / 4 of that within, where x is 1.5 to 3. So it is 1 at this x.
-        let depth = deepest * self.slice * behind.min(most);
+        let depth = (deepest * self.slice * behind).min(MOST_BEHIND);
         EDGE_ON * (2.0 * (depth / 4.0).max(1.0).ln()).sqrt()
     }
 }
