@@ -16,7 +16,6 @@ use super::voxel_block::VoxelBlock;
 use crate::error::Result;
 use crate::splat::Code;
 use crate::splat::composite::Look;
-use crate::splat::view::PixelMap;
 use crate::traverse::Batch;
 
 /// The pixels of a band, and the splats that one thread is drawing on them.
@@ -79,16 +78,7 @@ for_each_instruction_set! {
     /// Draws a projected block; returns how many splats were drawn.
     pub fn draw_block<B>(projector: &Projector, buffers: &mut SplatBuffers) -> u64 {
         let SplatBuffers { tiles, splats } = buffers;
-        let thresholds = [projector.cut, projector.stop];
-        match &projector.map {
-            PixelMap::Parallel { .. } if projector.shapes.is_none() => {
-                raster::draw::<B>(tiles, splats, |_| projector.ellipse, None, thresholds)
-            }
-            PixelMap::Parallel { .. } => raster::draw::<B>(tiles, splats, |j| splats.ellipse(j), None, thresholds),
-            PixelMap::Perspective { .. } => {
-                raster::draw::<B>(tiles, splats, |j| splats.ellipse(j), projector.near.as_ref(), thresholds)
-            },
-        }
+        raster::draw::<B>(tiles, splats, projector.near.as_ref(), [projector.cut, projector.stop])
     }
 }
 
