@@ -108,8 +108,8 @@ pub struct TileBuffer {
     tiles: Box<[PixelTile]>,
     /// The state of each tile.
     states: Vec<u8>,
-    /// For each tile: whether it is not frozen.
-    open: BitRows,
+    /// For each tile: whether its pixels may still change.
+    pub(super) open: BitRows,
 }
 
 impl TileBuffer {
