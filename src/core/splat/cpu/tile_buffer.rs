@@ -114,7 +114,7 @@ pub struct TileBuffer {
 
 impl TileBuffer {
     /// Creates the pixels of `rect`, which is not empty, with colours 0 and alphas `initial_alpha`.
-    pub(super) fn new(rect: Rect, initial_alpha: f32) -> Result<TileBuffer> {
+    pub fn new(rect: Rect, initial_alpha: f32) -> Result<TileBuffer> {
         let (tiles, states, open) = (Box::default(), Vec::new(), BitRows::default());
         let mut buffer = TileBuffer { rect, initial_alpha, pitch: 0, tiles, states, open };
         buffer.restart(rect)?;
