@@ -100,16 +100,11 @@ for_each_instruction_set! {
 for_each_instruction_set! {
     /// Runs [`Projector::colour`] for all voxels of a block.
     pub(super) fn colour(projector: &Projector, voxels: &VoxelBlock, looks: &mut [Look]) -> u64 {
-        /// The numbers of all voxels of a block.
-        const ALL: [u8; BLOCK] = {
-            let mut all = [0; BLOCK];
-            let mut j = 0;
-            while j < BLOCK {
-                (all[j], j) = (j as u8, j + 1);
-            }
-            all
-        };
-        projector.colour(voxels, &ALL[..voxels.count.min(BLOCK)], looks);
+        let mut all = [0; BLOCK];
+        for j in 0..BLOCK {
+            all[j] = j as u8;
+        }
+        projector.colour(voxels, &all[..voxels.count.min(BLOCK)], looks);
         0
     }
 }

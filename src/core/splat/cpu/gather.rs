@@ -418,18 +418,16 @@ impl<'a, B: Blend> Band<'a, B> {
         }
         let looks = slab.add(voxels);
         match tables {
-            Some(tables) => tables.colour(projector, *footprints, voxels, looks),
-            None => {
-                dispatch::colour(self.code, projector, voxels, looks);
-                if let Some(footprints) = footprints {
-                    for (look, &record) in looks.iter_mut().zip(&voxels.records) {
-                        look[3] = limited(look[3], footprints.strength(projector.lane.coverage_code(record)));
-                    }
-                } else if lattice.is_parallel() && !lattice.is_beside() {
-                    let strength = lattice.tile([0, 0]).strength();
-                    looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
-                }
+            Some(tables) => tables.colour(projector, voxels, looks),
+            None => _ = dispatch::colour(self.code, projector, voxels, looks),
+        }
+        if let Some(footprints) = footprints {
+            for (look, &record) in looks.iter_mut().zip(&voxels.records) {
+                look[3] = limited(look[3], footprints.strength(projector.lane.coverage_code(record)));
             }
+        } else if tables.is_none() && lattice.is_parallel() && !lattice.is_beside() {
+            let strength = lattice.tile([0, 0]).strength();
+            looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
         }
         self.drawn += looks.iter().filter(|look| look[3] > 0.0).count() as u64;
         voxels.count = 0;
