@@ -12,12 +12,12 @@ pub use crate::text::{open_regular, read_text, text_of};
 /// The two stages of the processor's renderer, for studies that feed them with voxels from other data structures.
 pub mod scatter {
     pub use crate::splat::composite::{Look, Table};
-    pub use crate::splat::cpu::blend::FrontToBack;
-    pub use crate::splat::cpu::dispatch::{SplatBuffers, draw_block, project_block};
+    pub use crate::splat::cpu::blend::{Blend, FrontToBack};
+    pub use crate::splat::cpu::dispatch::{draw_block, project_block};
     pub use crate::splat::cpu::project::Projector;
-    pub use crate::splat::cpu::raster::BLOCK;
+    pub use crate::splat::cpu::raster::{BLOCK, Splats};
     pub use crate::splat::cpu::task::{BandResult, BandStats, assemble};
-    pub use crate::splat::cpu::tile_buffer::Rect;
+    pub use crate::splat::cpu::tile_buffer::{Rect, TileBuffer};
     pub use crate::splat::cpu::voxel_block::{Coordinates, GROUP, VoxelBlock};
 }
 

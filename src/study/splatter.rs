@@ -11,8 +11,8 @@ use adjsplat::classify::normal;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::FrameSetup;
 use adjsplat::internals::scatter::{
-    BLOCK, BandResult, BandStats, Coordinates, FrontToBack, GROUP, Look, Projector, Rect, SplatBuffers, Table,
-    VoxelBlock, assemble, draw_block, project_block,
+    BLOCK, BandResult, BandStats, Blend, Coordinates, FrontToBack, GROUP, Look, Projector, Rect, Splats, Table,
+    TileBuffer, VoxelBlock, assemble, draw_block, project_block,
 };
 use adjsplat::splat::{Camera, Code, Frame, Mode, Scene, Settings};
 use adjsplat::traverse::{Batch, Sense};
@@ -28,7 +28,8 @@ pub(crate) struct Splatter<'a> {
     looks: [Look; 256],
     nesting: [usize; 3],
     drawing: bool,
-    buffers: SplatBuffers,
+    splats: Box<Splats>,
+    tiles: TileBuffer,
     level: usize,
     /// Voxels of a lane's batch that wait to be drawn.
     voxels: Box<VoxelBlock>,
@@ -114,9 +115,9 @@ impl Splatter<'_> {
     }
 
     fn flush_voxels(&mut self) {
-        let (projector, buffers) = (&self.projectors[0], &mut self.buffers);
-        let projected = project_block(Code::Best, projector, &self.voxels, buffers);
-        self.drawn += if self.drawing { draw(projector, buffers) } else { projected };
+        let Splatter { projectors, voxels, splats, tiles, .. } = self;
+        let projected = project_block(Code::Best, &projectors[0], voxels, splats, tiles);
+        self.drawn += if self.drawing { draw(&projectors[0], splats, tiles) } else { projected };
         self.voxels.count = 0;
     }
 
@@ -125,22 +126,22 @@ impl Splatter<'_> {
             let edge = 1 << self.projectors.len();
             self.projectors.push(self.projectors[0].of_cubes(edge));
         }
+        let Splatter { splats, tiles, .. } = self;
         let projector = &self.projectors[self.level];
-        let projected = place_and_shade(projector, &mut self.block, &mut self.buffers);
-        self.drawn += if self.drawing { draw(projector, &mut self.buffers) } else { projected };
+        let projected = place_and_shade(projector, &mut self.block, splats, tiles);
+        self.drawn += if self.drawing { draw(projector, splats, tiles) } else { projected };
     }
 }
 
 /// Draws a projected block; returns how many splats were drawn.
-fn draw(projector: &Projector, buffers: &mut SplatBuffers) -> u64 {
-    draw_block::<FrontToBack>(Code::Best, projector, buffers)
+fn draw(projector: &Projector, splats: &Splats, tiles: &mut TileBuffer) -> u64 {
+    draw_block::<FrontToBack>(Code::Best, projector, splats, tiles)
 }
 
 /// Places and shades the voxels of a block (stage 1 of the renderer); the block is empty afterwards. Returns how many
 /// splats are to be drawn.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn place_and_shade(projector: &Projector, block: &mut Block, buffers: &mut SplatBuffers) -> u64 {
-    let SplatBuffers { tiles, splats } = buffers;
+fn place_and_shade(projector: &Projector, block: &mut Block, splats: &mut Splats, tiles: &TileBuffer) -> u64 {
     projector.place(block, splats);
     projector.place_near(block.count, block, splats);
     projector.cull(block.count, [true; BLOCK], splats, tiles);
@@ -197,7 +198,8 @@ pub(crate) fn splat(
         nesting: projector.nesting,
         projectors: vec![projector],
         drawing,
-        buffers: SplatBuffers::new::<FrontToBack>(rect)?,
+        splats: Splats::new(),
+        tiles: TileBuffer::new(rect, FrontToBack::INITIAL_ALPHA)?,
         level: 0,
         voxels: VoxelBlock::new(),
         block: Block {
@@ -212,7 +214,7 @@ pub(crate) fn splat(
     };
     feed(&mut splatter)?;
     splatter.flush();
-    let Splatter { buffers, drawn, .. } = splatter;
-    let band = BandResult { pixels: buffers.tiles, stats: BandStats { visited: drawn, drawn, ..BandStats::default() } };
+    let Splatter { tiles, drawn, .. } = splatter;
+    let band = BandResult { pixels: tiles, stats: BandStats { visited: drawn, drawn, ..BandStats::default() } };
     Ok((assemble(&[band], &settings, &table)?.0, drawn))
 }

@@ -1,48 +1,60 @@
-//! Drawing a band of the picture by splats, on one thread.
+//! Drawing a band of the picture, on one thread.
 //!
 //! In: a drawing task and the band's rectangle. Out: the band's pixels. The walk skips tiles and rows of tiles (8 x 8
 //! scan lines each) that do not project into the band, are clipped, or are hidden behind opaque voxels.
 
-use std::marker::PhantomData;
 use std::ops::Range;
 use std::time::Instant;
 
 use super::blend::Blend;
-use super::dispatch::{self, SplatBuffers};
+use super::dispatch;
+use super::raster::{BLOCK, Splats};
 use super::task::{BandResult, DrawTask};
-use super::tile_buffer::Rect;
+use super::tile_buffer::{Rect, TileBuffer};
 use super::voxel_block::{GROUP, VoxelBlock};
 use crate::error::Result;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
-/// Draws the band `rect`.
+/// Draws the band `rect` by splats.
 pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult> {
-    let mut painter = BandPainter::<B> {
-        task,
-        voxels: VoxelBlock::new(),
-        buffers: SplatBuffers::new::<B>(rect)?,
-        drawn: 0,
-        blend: PhantomData,
+    let DrawTask { projector, settings, visible, .. } = task;
+    let mut splats = Splats::new();
+    let draw_block = |voxels: &VoxelBlock, tiles: &mut TileBuffer| {
+        dispatch::project_block(settings.code, projector, voxels, &mut splats, tiles);
+        if let Some(visible) = visible {
+            visible.mark(projector, voxels, &splats, tiles);
+        }
+        dispatch::draw_block::<B>(settings.code, projector, &splats, tiles)
     };
-    if let Some(front) = task.front.filter(|_| painter.stops()) {
-        front.freeze(&mut painter.buffers.tiles);
+    Ok(paint(task, TileBuffer::new(rect, B::INITIAL_ALPHA)?, draw_block))
+}
+
+/// Draws a band, block by block; `draw_block` returns how many voxels it drew.
+pub(super) fn paint(
+    task: &DrawTask,
+    mut tiles: TileBuffer,
+    draw_block: impl FnMut(&VoxelBlock, &mut TileBuffer) -> u64,
+) -> BandResult {
+    if let Some(front) = task.front.filter(|_| task.projector.stop > 0.0) {
+        front.freeze(&mut tiles);
     }
+    let mut painter = BandPainter { task, voxels: VoxelBlock::new(), tiles, draw_block, drawn: 0 };
     let mut stats = task.walk(&mut painter);
     let start = Instant::now();
     painter.flush();
     (stats.drawn, stats.drawing) = (painter.drawn, stats.drawing + start.elapsed());
-    Ok(BandResult { pixels: painter.buffers.tiles, stats })
+    BandResult { pixels: painter.tiles, stats }
 }
 
-/// Receives the voxels of a walk and draws them on a band as splats.
-struct BandPainter<'a, B> {
+/// Receives the voxels of a walk and draws them on a band.
+struct BandPainter<'a, F> {
     task: &'a DrawTask<'a>,
     /// Voxels that are not drawn yet.
     voxels: Box<VoxelBlock>,
-    buffers: SplatBuffers,
-    /// Number of splats drawn.
+    tiles: TileBuffer,
+    draw_block: F,
+    /// Number of voxels drawn.
     drawn: u64,
-    blend: PhantomData<B>,
 }
 
 /// How many voxels have their visibility tested together first, before groups of [`GROUP`] voxels are tested. Behind
@@ -51,16 +63,15 @@ const TESTED_TOGETHER: usize = 64;
 /// How many voxels along the fast axis are tested together: few, so that their bounding box on the screen is small.
 const SEGMENT: u16 = 32;
 
-impl<B: Blend> BandPainter<'_, B> {
+impl<F: FnMut(&VoxelBlock, &mut TileBuffer) -> u64> BandPainter<'_, F> {
     /// Returns whether rays end early, so that voxels can be hidden.
     fn stops(&self) -> bool {
-        B::STOPS && self.task.projector.stop > 0.0
+        self.task.projector.stop > 0.0
     }
 
     /// Returns whether voxels in `bounds` may change a pixel of the band; false if all are clipped.
     fn may_show(&self, bounds: &VoxelBox) -> bool {
-        let tiles = &self.buffers.tiles;
-        self.task.pixels(tiles.rect, bounds).is_some_and(|rect| !tiles.is_frozen(rect))
+        self.task.pixels(self.tiles.rect, bounds).is_some_and(|rect| !self.tiles.is_frozen(rect))
     }
 
     /// Returns whether a range of a batch's voxels lies outside the band or behind opaque voxels.
@@ -77,22 +88,48 @@ impl<B: Blend> BandPainter<'_, B> {
         !self.may_show(&bounds)
     }
 
+    /// Adds all voxels of a batch.
+    fn add_all(&mut self, batch: &Batch) {
+        let mut from = 0;
+        while from < batch.len() {
+            from += self.voxels.add(batch, from, BLOCK);
+            if !self.voxels.have_room(1) {
+                self.flush();
+            }
+        }
+    }
+
+    /// Adds those voxels of a batch that open pixels may show, and neighbours of these.
+    fn add_open(&mut self, batch: &Batch) {
+        let parts = |range: Range<usize>, len: usize| {
+            range.clone().step_by(len).map(move |from| from..range.end.min(from + len))
+        };
+        for many in parts(0..batch.len(), TESTED_TOGETHER) {
+            if self.is_hidden(batch, many.clone()) {
+                continue;
+            }
+            for group in parts(many, GROUP) {
+                if self.is_hidden(batch, group.clone()) {
+                    continue;
+                }
+                if !self.voxels.have_room(GROUP) {
+                    self.flush();
+                }
+                self.voxels.add(batch, group.start, GROUP);
+            }
+        }
+    }
+
     /// Draws the voxels that wait.
     fn flush(&mut self) {
-        let DrawTask { projector, settings, visible, .. } = self.task;
-        let (code, buffers) = (settings.code, &mut self.buffers);
-        dispatch::project_block(code, projector, &self.voxels, buffers);
-        if let Some(visible) = visible {
-            visible.mark(projector, &self.voxels, &buffers.splats, &buffers.tiles);
-        }
-        self.drawn += dispatch::draw_block::<B>(code, projector, buffers);
+        self.drawn += (self.draw_block)(&self.voxels, &mut self.tiles);
         self.voxels.count = 0;
     }
 }
 
-impl<B: Blend> Visitor for BandPainter<'_, B> {
+impl<F: FnMut(&VoxelBlock, &mut TileBuffer) -> u64> Visitor for BandPainter<'_, F> {
     fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
-        self.task.pixels(self.buffers.tiles.rect, bounds).is_some()
+        self.task.pixels(self.tiles.rect, bounds).is_some()
     }
 
     fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
@@ -109,23 +146,9 @@ impl<B: Blend> Visitor for BandPainter<'_, B> {
     }
 
     fn visit(&mut self, batch: &Batch) {
-        let stops = self.stops();
-        let parts = |range: Range<usize>, len: usize| {
-            range.clone().step_by(len).map(move |from| from..range.end.min(from + len))
-        };
-        for many in parts(0..batch.len(), TESTED_TOGETHER) {
-            if stops && self.is_hidden(batch, many.clone()) {
-                continue;
-            }
-            for group in parts(many, GROUP) {
-                if stops && self.is_hidden(batch, group.clone()) {
-                    continue;
-                }
-                if !self.voxels.have_room(GROUP) {
-                    self.flush();
-                }
-                self.voxels.add(batch, group.start, GROUP);
-            }
+        match self.stops() {
+            true => self.add_open(batch),
+            false => self.add_all(batch),
         }
         // While visible records are marked, this batch may hide the next one. A pager (which loads parts of the file)
         // may drop this batch's records before the next batch.

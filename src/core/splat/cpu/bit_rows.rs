@@ -15,10 +15,6 @@ impl BitRows {
         BitRows { words, bits: vec![0; words * rows] }
     }
 
-    pub(super) fn clear_all(&mut self) {
-        self.bits.fill(0);
-    }
-
     #[inline(always)]
     pub(super) fn clear_row(&mut self, row: usize) {
         self.bits[self.words * row..][..self.words].fill(0);

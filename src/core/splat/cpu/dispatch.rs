@@ -8,31 +8,14 @@ use multiversion::target::match_target;
 
 use super::blend::Blend;
 use super::gather::Band;
-use super::maximum::{Rays, SumTiles};
+use super::maximum::{self, Rays};
 use super::project::Projector;
 use super::raster::{self, BLOCK, Splats};
-use super::tile_buffer::{Rect, TileBuffer};
+use super::tile_buffer::TileBuffer;
 use super::voxel_block::VoxelBlock;
-use crate::error::Result;
 use crate::splat::Code;
 use crate::splat::composite::Look;
-use crate::splat::view::PixelMap;
 use crate::traverse::Batch;
-
-/// The pixels of a band, and the splats that one thread is drawing on them.
-pub struct SplatBuffers {
-    /// The band's pixels.
-    pub tiles: TileBuffer,
-    /// One block of splats.
-    pub splats: Box<Splats>,
-}
-
-impl SplatBuffers {
-    /// Creates buffers for the pixels of `rect`.
-    pub fn new<B: Blend>(rect: Rect) -> Result<SplatBuffers> {
-        Ok(SplatBuffers { tiles: TileBuffer::new(rect, B::INITIAL_ALPHA)?, splats: Splats::new() })
-    }
-}
 
 /// Defines a function whose body is compiled for three instruction sets. Its first argument selects one; without the
 /// processor's support for it, the next simpler one runs.
@@ -69,33 +52,32 @@ macro_rules! for_each_instruction_set {
 
 for_each_instruction_set! {
     /// Runs [`Projector::project_block`]; returns how many splats are to be drawn.
-    pub fn project_block(projector: &Projector, voxels: &VoxelBlock, buffers: &mut SplatBuffers) -> u64 {
-        projector.project_block(voxels, &mut buffers.splats, &buffers.tiles);
-        buffers.splats.count as u64
+    pub fn project_block(projector: &Projector, voxels: &VoxelBlock, splats: &mut Splats, tiles: &TileBuffer) -> u64 {
+        projector.project_block(voxels, splats, tiles);
+        splats.count as u64
     }
 }
 
 for_each_instruction_set! {
     /// Draws a projected block; returns how many splats were drawn.
-    pub fn draw_block<B>(projector: &Projector, buffers: &mut SplatBuffers) -> u64 {
-        let SplatBuffers { tiles, splats } = buffers;
-        let thresholds = [projector.cut, projector.stop];
-        match &projector.map {
-            PixelMap::Parallel { .. } if projector.shapes.is_none() => {
-                raster::draw::<B>(tiles, splats, |_| projector.ellipse, None, thresholds)
-            }
-            PixelMap::Parallel { .. } => raster::draw::<B>(tiles, splats, |j| splats.ellipse(j), None, thresholds),
-            PixelMap::Perspective { .. } => {
-                raster::draw::<B>(tiles, splats, |j| splats.ellipse(j), projector.near.as_ref(), thresholds)
-            },
-        }
+    pub fn draw_block<B>(projector: &Projector, splats: &Splats, tiles: &mut TileBuffer) -> u64 {
+        raster::draw::<B>(tiles, splats, projector.near.as_ref(), [projector.cut, projector.stop])
     }
 }
 
 for_each_instruction_set! {
-    /// Runs [`SumTiles::draw`]; returns how many voxels were drawn.
-    pub(super) fn draw_maxima(projector: &Projector, rays: &Rays, voxels: &VoxelBlock, sums: &mut SumTiles) -> u64 {
-        sums.draw(projector, rays, voxels)
+    /// Runs [`maximum::add`]; returns how many voxels were drawn.
+    pub(super) fn draw_maxima(
+        projector: &Projector,
+        rays: &Rays,
+        voxels: &VoxelBlock,
+        tiles: &mut TileBuffer,
+        slices: &mut [u16],
+    ) -> u64 {
+        match rays {
+            Rays::Parallel { .. } => maximum::add::<false>(projector, rays, voxels, tiles, slices),
+            Rays::Perspective { .. } => maximum::add::<true>(projector, rays, voxels, tiles, slices),
+        }
     }
 }
 
@@ -118,16 +100,11 @@ for_each_instruction_set! {
 for_each_instruction_set! {
     /// Runs [`Projector::colour`] for all voxels of a block.
     pub(super) fn colour(projector: &Projector, voxels: &VoxelBlock, looks: &mut [Look]) -> u64 {
-        /// The numbers of all voxels of a block.
-        const ALL: [u8; BLOCK] = {
-            let mut all = [0; BLOCK];
-            let mut j = 0;
-            while j < BLOCK {
-                (all[j], j) = (j as u8, j + 1);
-            }
-            all
-        };
-        projector.colour(voxels, &ALL[..voxels.count.min(BLOCK)], looks);
+        let mut all = [0; BLOCK];
+        for j in 0..BLOCK {
+            all[j] = j as u8;
+        }
+        projector.colour(voxels, &all[..voxels.count.min(BLOCK)], looks);
         0
     }
 }

@@ -88,7 +88,7 @@ impl<B: Blend> Visitor for LatticePainter<'_, '_, B> {
             return false;
         }
         let [left, right] = band.tiles_near(0, &slice, [bounds.low[fast], bounds.high[fast]]);
-        (low..=high).any(|row| band.open.any(row as usize, [left, right]))
+        (low..=high).any(|row| band.pixels.open.any(row as usize, [left, right]))
     }
 
     fn visit(&mut self, batch: &Batch) {
@@ -112,8 +112,6 @@ pub(super) struct Band<'a, B> {
     columns: usize,
     rows: usize,
     pub(super) pixels: TileBuffer,
-    /// For each tile: whether it may still change.
-    open: BitRows,
     slow: Option<u16>,
     slice: Slice,
     /// Rows of pixels, from the band's first on, per voxel along the medium axis; the first and the last row that the
@@ -166,7 +164,6 @@ impl<'a, B: Blend> Band<'a, B> {
             columns,
             rows,
             pixels: TileBuffer::new(NO_PIXELS, B::INITIAL_ALPHA)?,
-            open: BitRows::new(columns, rows),
             slow: None,
             slice: Slice::NONE,
             rows_at: [0.0; 3],
@@ -193,10 +190,9 @@ impl<'a, B: Blend> Band<'a, B> {
         (self.first_row, self.rows) = (first, (end - first) as usize);
         let rect = Rect { x0: 0, y0: first << TILE, x1: (columns << TILE) as i32, y1: end << TILE };
         self.pixels.restart(rect)?;
-        self.open.clear_all();
-        for (tile, _) in shown[columns * first as usize..columns * end as usize].iter().enumerate().filter(|(_, s)| **s)
-        {
-            self.open.set(tile / columns, [tile % columns; 2]);
+        let shown = shown[columns * first as usize..columns * end as usize].iter();
+        for (tile, _) in shown.enumerate().filter(|(_, is_shown)| !**is_shown) {
+            self.pixels.open.clear(tile / columns, tile % columns);
         }
         (self.slow, self.together_of, self.drawn) = (None, None, 0);
         self.shown_at.fill(None);
@@ -300,15 +296,15 @@ impl<'a, B: Blend> Band<'a, B> {
     /// Computes `shown` of a row of tiles.
     #[inline(always)]
     fn show_row(&mut self, row: usize, projector: &Projector) {
-        let Band { lattice, slice, open, shown, .. } = self;
+        let Band { lattice, slice, pixels, shown, .. } = self;
         shown.clear_row(row);
         let fast = projector.nesting[2];
         let last = projector.lane.dims[fast] as i32 - 1;
-        open.each_run(row, |[left, right]| {
-            let pixels = [4.0 * left as f64, 4.0 * right as f64 + 3.0];
-            let reach = lattice.reach(0, pixels) + SLACK;
-            let from = (slice.origin[0] + slice.step[0] * pixels[0] - reach).ceil() as i32;
-            let to = (slice.origin[0] + slice.step[0] * pixels[1] + reach).floor() as i32;
+        pixels.open.each_run(row, |[left, right]| {
+            let ends = [4.0 * left as f64, 4.0 * right as f64 + 3.0];
+            let reach = lattice.reach(0, ends) + SLACK;
+            let from = (slice.origin[0] + slice.step[0] * ends[0] - reach).ceil() as i32;
+            let to = (slice.origin[0] + slice.step[0] * ends[1] + reach).floor() as i32;
             let (from, to) = (from.max(0), to.min(last));
             if from <= to {
                 shown.set(row, [from as usize, to as usize]);
@@ -422,18 +418,16 @@ impl<'a, B: Blend> Band<'a, B> {
         }
         let looks = slab.add(voxels);
         match tables {
-            Some(tables) => tables.colour(projector, *footprints, voxels, looks),
-            None => {
-                dispatch::colour(self.code, projector, voxels, looks);
-                if let Some(footprints) = footprints {
-                    for (look, &record) in looks.iter_mut().zip(&voxels.records) {
-                        look[3] = limited(look[3], footprints.strength(projector.lane.coverage_code(record)));
-                    }
-                } else if lattice.is_parallel() && !lattice.is_beside() {
-                    let strength = lattice.tile([0, 0]).strength();
-                    looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
-                }
+            Some(tables) => tables.colour(projector, voxels, looks),
+            None => _ = dispatch::colour(self.code, projector, voxels, looks),
+        }
+        if let Some(footprints) = footprints {
+            for (look, &record) in looks.iter_mut().zip(&voxels.records) {
+                look[3] = limited(look[3], footprints.strength(projector.lane.coverage_code(record)));
             }
+        } else if tables.is_none() && lattice.is_parallel() && !lattice.is_beside() {
+            let strength = lattice.tile([0, 0]).strength();
+            looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
         }
         self.drawn += looks.iter().filter(|look| look[3] > 0.0).count() as u64;
         voxels.count = 0;
@@ -478,7 +472,7 @@ impl<'a, B: Blend> Band<'a, B> {
         row: usize,
         spans: Option<&Spans>,
     ) {
-        self.lists.begin_row(self.columns, |column| self.open.get(row, column));
+        self.lists.begin_row(self.columns, |column| self.pixels.open.get(row, column));
         let all = [0, self.columns];
         for index in 0..self.slab.lines_of(row) {
             let line = *self.slab.line(row, index);
@@ -556,7 +550,7 @@ impl<'a, B: Blend> Band<'a, B> {
             self.visits += 1;
             let place = [column as i32, self.first_row + row as i32];
             if !weights.blend::<B, STAMPED, ONE_DEPTH>(projector, &self.slab, splats, &mut self.pixels, place) {
-                self.open.clear(row, column);
+                self.pixels.open.clear(row, column);
                 self.lists.close(column);
             }
         }

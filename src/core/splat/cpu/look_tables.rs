@@ -5,12 +5,10 @@
 
 use multiversion::multiversion;
 
-use super::footprints::Footprints;
 use super::lattice::Lattice;
 use super::project::{Projector, limited};
 use super::raster::BLOCK;
 use super::voxel_block::VoxelBlock;
-use crate::arena::{Coverage, Lane};
 use crate::classify::normal::{self, Coherence};
 use crate::splat::composite::Look;
 use crate::splat::shade::Lights;
@@ -52,21 +50,12 @@ impl LookTables {
 
     /// Computes the colours and depths of a block's voxels.
     #[inline(always)]
-    pub(super) fn colour(
-        &self,
-        projector: &Projector,
-        footprints: Option<&Footprints>,
-        voxels: &VoxelBlock,
-        looks: &mut [[f32; 4]],
-    ) {
+    pub(super) fn colour(&self, projector: &Projector, voxels: &VoxelBlock, looks: &mut [[f32; 4]]) {
         let records = &voxels.records[..voxels.count.min(BLOCK)];
         self.colour_whole(projector, records, looks);
         if !projector.is_on_grid() {
-            let Lane { channels, .. } = projector.lane;
             for (look, &record) in looks.iter_mut().zip(records) {
-                let code = projector.lane.coverage_code(record);
-                let depth = look[3] * Coverage::of_code(code, channels).share;
-                look[3] = footprints.map_or(depth, |footprints| limited(depth, footprints.strength(code)));
+                look[3] *= projector.lane.coverage(record).share;
             }
         }
     }

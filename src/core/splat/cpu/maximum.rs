@@ -13,145 +13,86 @@
 //! the samples half a slice before, at and after the slice of the last voxel. When a voxel of another slice comes, finished
 //! sums are compared with the largest sample. Adding 0 changes nothing, so a pixel's bits depend on no other pixel.
 
-use super::dispatch;
 use super::project::{Projector, affine_at, nearest_pixel};
 use super::raster::{BLOCK, COLUMN, ROW};
 use super::task::{BandResult, DrawTask};
 use super::tile_buffer::{PixelTile, Rect, TILE, TILE_PIXELS, TileBuffer};
 use super::voxel_block::VoxelBlock;
+use super::{band, dispatch};
 use crate::error::Result;
 use crate::splat::arith::{at_least, keep_if};
 use crate::splat::setup::FrameSetup;
 use crate::splat::view::{Affine, PixelMap, apply};
-use crate::traverse::{Batch, Viewpoint, Visitor, VoxelBox};
+use crate::traverse::Viewpoint;
 
 /// Draws the band `rect`.
 pub(super) fn draw(task: &DrawTask, rect: Rect) -> Result<BandResult> {
     let tiles = TileBuffer::new(rect, 0.0)?;
-    let sums = SumTiles { slices: vec![0; tiles.len()], tiles };
-    let mut painter = MaximumPainter { task, rays: Rays::new(task.setup), voxels: VoxelBlock::new(), sums, drawn: 0 };
-    let mut stats = task.walk(&mut painter);
-    painter.flush();
-    stats.drawn = painter.drawn;
-    Ok(BandResult { pixels: painter.sums.tiles, stats })
+    let (rays, mut slices) = (Rays::new(task.setup), vec![0; tiles.len()]);
+    let DrawTask { projector, settings, .. } = task;
+    Ok(band::paint(task, tiles, |voxels, tiles| {
+        dispatch::draw_maxima(settings.code, projector, &rays, voxels, tiles, &mut slices)
+    }))
 }
 
-/// Receives the voxels of a walk and draws them on a band.
-struct MaximumPainter<'a> {
-    task: &'a DrawTask<'a>,
-    rays: Rays,
-    /// Voxels that are not drawn yet.
-    voxels: Box<VoxelBlock>,
-    sums: SumTiles,
-    /// Number of voxels drawn.
-    drawn: u64,
-}
-
-impl MaximumPainter<'_> {
-    /// Draws the voxels that wait.
-    fn flush(&mut self) {
-        let DrawTask { projector, settings, .. } = self.task;
-        self.drawn += dispatch::draw_maxima(settings.code, projector, &self.rays, &self.voxels, &mut self.sums);
-        self.voxels.count = 0;
+/// Adds the voxels of a block to the sums of a band's pixels; returns how many touched the band.
+///
+/// `tiles`: for each pixel, its largest finished sample, then the sums half a slice before, at and after the tile's slice; `slices`:
+/// for each tile, the slice of the last voxel that was drawn on it.
+#[inline(always)]
+pub(super) fn add<const IS_PERSPECTIVE: bool>(
+    projector: &Projector,
+    rays: &Rays,
+    voxels: &VoxelBlock,
+    tiles: &mut TileBuffer,
+    slices: &mut [u16],
+) -> u64 {
+    let Rect { x0, y0, x1, y1 } = tiles.rect;
+    let in_clip = projector.in_clip(voxels);
+    let position = |j: usize| voxels.positions.each_ref().map(|coordinates| f64::from(coordinates[j]));
+    let mut boxes = [[0; BLOCK]; 4];
+    for j in 0..BLOCK {
+        let [left, right, top, bottom] = rays.pixels(position(j));
+        (boxes[0][j], boxes[1][j], boxes[2][j], boxes[3][j]) =
+            (left.max(x0), right.min(x1 - 1), top.max(y0), bottom.min(y1 - 1));
     }
-}
-
-impl Visitor for MaximumPainter<'_> {
-    fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
-        self.task.pixels(self.sums.tiles.rect, bounds).is_some()
-    }
-
-    fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
-        self.wants_tile(bounds)
-    }
-
-    fn visit(&mut self, batch: &Batch) {
-        let mut from = 0;
-        while from < batch.len() {
-            from += self.voxels.add(batch, from, BLOCK);
-            if !self.voxels.have_room(1) {
-                self.flush();
-            }
+    let mut drawn = 0;
+    for j in 0..voxels.count.min(BLOCK) {
+        let [left, right, top, bottom] = boxes.each_ref().map(|sides| sides[j]);
+        if left > right || top > bottom || !in_clip[j] {
+            continue;
         }
-        // A pager, which loads parts of the file, may drop this batch's records before the next batch.
-        if self.task.setup.lane.pager.is_some() {
-            self.flush();
+        let [_, _, _, value] = projector.look(voxels.records[j]);
+        if value <= 0.0 {
+            continue;
         }
-    }
-}
-
-/// The sums of a band's pixels, in tiles.
-pub(super) struct SumTiles {
-    /// For each pixel: its largest finished sample, then the sums half a slice before, at and after the tile's slice.
-    tiles: TileBuffer,
-    /// For each tile: the slice of the last voxel that was drawn on it.
-    slices: Vec<u16>,
-}
-
-impl SumTiles {
-    /// Adds the voxels of a block; returns how many touched the band.
-    #[inline(always)]
-    pub(super) fn draw(&mut self, projector: &Projector, rays: &Rays, voxels: &VoxelBlock) -> u64 {
-        match rays {
-            Rays::Parallel { .. } => self.draw_voxels::<false>(projector, rays, voxels),
-            Rays::Perspective { .. } => self.draw_voxels::<true>(projector, rays, voxels),
-        }
-    }
-
-    #[inline(always)]
-    fn draw_voxels<const IS_PERSPECTIVE: bool>(
-        &mut self,
-        projector: &Projector,
-        rays: &Rays,
-        voxels: &VoxelBlock,
-    ) -> u64 {
-        let Rect { x0, y0, x1, y1 } = self.tiles.rect;
-        let in_clip = projector.in_clip(voxels);
-        let position = |j: usize| voxels.positions.each_ref().map(|coordinates| f64::from(coordinates[j]));
-        let mut boxes = [[0; BLOCK]; 4];
-        for j in 0..BLOCK {
-            let [left, right, top, bottom] = rays.pixels(position(j));
-            (boxes[0][j], boxes[1][j], boxes[2][j], boxes[3][j]) =
-                (left.max(x0), right.min(x1 - 1), top.max(y0), bottom.min(y1 - 1));
-        }
-        let mut drawn = 0;
-        for j in 0..voxels.count.min(BLOCK) {
-            let [left, right, top, bottom] = boxes.each_ref().map(|sides| sides[j]);
-            if left > right || top > bottom || !in_clip[j] {
-                continue;
-            }
-            let [_, _, _, value] = projector.look(voxels.records[j]);
-            if value <= 0.0 {
-                continue;
-            }
-            drawn += 1;
-            let (slice, position) = (voxels.positions[0][j], position(j));
-            for row in top >> TILE..=bottom >> TILE {
-                for column in left >> TILE..=right >> TILE {
-                    let Some((index, PixelTile(values))) = self.tiles.tile(column, row) else { continue };
-                    let last = &mut self.slices[index];
-                    if *last != slice {
-                        advance(values, slice.wrapping_sub(*last));
-                        *last = slice;
+        drawn += 1;
+        let (slice, position) = (voxels.positions[0][j], position(j));
+        for row in top >> TILE..=bottom >> TILE {
+            for column in left >> TILE..=right >> TILE {
+                let Some((index, PixelTile(values))) = tiles.tile(column, row) else { continue };
+                let last = &mut slices[index];
+                if *last != slice {
+                    advance(values, slice.wrapping_sub(*last));
+                    *last = slice;
+                }
+                let near = rays.near(position, [column << TILE, row << TILE]);
+                let weights = near.weights::<IS_PERSPECTIVE, TILE_PIXELS>(&COLUMN, &ROW);
+                for (sums, weights) in values[1..].iter_mut().zip(&weights) {
+                    let mut new = [0.0; TILE_PIXELS];
+                    for i in 0..TILE_PIXELS {
+                        new[i] = sums[i] + value * weights[i];
                     }
-                    let near = rays.near(position, [column << TILE, row << TILE]);
-                    let weights = near.weights::<IS_PERSPECTIVE, TILE_PIXELS>(&COLUMN, &ROW);
-                    for (sums, weights) in values[1..].iter_mut().zip(&weights) {
-                        let mut new = [0.0; TILE_PIXELS];
-                        for i in 0..TILE_PIXELS {
-                            new[i] = sums[i] + value * weights[i];
-                        }
-                        *sums = new;
-                    }
+                    *sums = new;
                 }
             }
         }
-        drawn
     }
+    drawn
 }
 
 /// Compares the sums that voxels `slices` slices ahead cannot add to with the largest sample. `values`: of `N` pixels, in
-/// the order of [`SumTiles`].
+/// the order of [`add`].
 #[inline(always)]
 pub(super) fn advance<const N: usize>(values: &mut [[f32; N]; 4], slices: u16) {
     let [largest, before, at, after] = *values;

@@ -26,7 +26,7 @@ pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult> 
     let mut tiles = TileBuffer::new(rect, B::INITIAL_ALPHA)?;
     let stop = task.projector.stop;
     let stats = each_splat(task, |splat, _| splat.is_some_and(|splat| draw_splat::<B>(&mut tiles, splat, stop)));
-    if let Some(front) = task.front.filter(|_| B::STOPS && stop > 0.0) {
+    if let Some(front) = task.front.filter(|_| stop > 0.0) {
         for (x, y) in (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| (x, y))) {
             if front.hides_tile(x >> TILE, y >> TILE) {
                 tiles.set_pixel(x, y, [0.0; 4]);

@@ -11,7 +11,7 @@
 //!
 //! Centres are computed in double precision, so that a picture of 16,384 pixels is as exact as a small one.
 
-use super::raster::{BLOCK, Extents, Splats};
+use super::raster::{BLOCK, Extents, SplatPlaces, Splats};
 use super::tile_buffer::{Rect, TileBuffer};
 use super::voxel_block::{Coordinates, Displaced, VoxelBlock};
 use crate::arena::layout::Channels;
@@ -197,7 +197,7 @@ impl<'a> Projector<'a> {
         in_clip
     }
 
-    /// Computes the centre, ellipse and bounding box of each voxel of a block.
+    /// Computes the centre, ellipse, bounding box and strength of each voxel of a block.
     #[inline(always)]
     pub fn place<C: Coordinates>(&self, positions: &C, out: &mut Splats) {
         let (camera_from_voxel, focal, [centre_x, centre_y], near) = match self.map {
@@ -212,9 +212,7 @@ impl<'a> Projector<'a> {
         let [right, up, forward] = camera_from_voxel.map(|map| self.nested(&map));
         let (focal_single, sigma, cut_off, strength) = (focal as f32, self.sigma, self.cut_off, self.strength);
         for from in (0..BLOCK).step_by(LANES) {
-            let (mut x, mut y) = (Extents::new(), Extents::new());
-            let mut strengths = [0.0; LANES];
-            let mut factors = [[0.0; LANES]; 3];
+            let mut lanes = SplatPlaces::new();
             for j in 0..LANES {
                 let position = positions.at(from + j);
                 let [t0, t1, t2] =
@@ -228,27 +226,38 @@ impl<'a> Projector<'a> {
                     None => rows,
                     Some(shapes) => widened(rows, self.widths.of(shapes[from + j].into())),
                 };
-                let footprint = footprint(rows, sigma, cut_off);
-                let ellipse = footprint.ellipse;
-                strengths[j] =
-                    keep_if(in_front, strength * footprint.density * slant(tan_x, tan_y) * (nearness * nearness));
-                (factors[0][j], factors[1][j], factors[2][j]) = (ellipse.u_factor, ellipse.y_factor, ellipse.shear);
-                x.set(j, nearest_pixel(centre_x + focal * tan_right), ellipse.half_x);
-                y.set(j, nearest_pixel(centre_y - focal * tan_up), ellipse.half_y);
+                let Footprint { ellipse, density } = footprint(rows, sigma, cut_off);
+                let strength = keep_if(in_front, strength * density * slant(tan_x, tan_y) * (nearness * nearness));
+                lanes.set(j, [centre_x + focal * tan_right, centre_y - focal * tan_up], &ellipse, strength);
             }
-            x.copy_to(from, &mut out.x);
-            y.copy_to(from, &mut out.y);
-            out.strength[from..from + LANES].copy_from_slice(&strengths);
-            for (out, factors) in out.ellipses.iter_mut().zip(&factors) {
-                out[from..from + LANES].copy_from_slice(factors);
+            lanes.copy_to(from, &mut out.places);
+        }
+    }
+
+    /// Does the work of [`Projector::place`] in a parallel view.
+    #[inline(always)]
+    fn place_parallel<C: Coordinates>(&self, pixel_from_voxel: [Affine; 2], positions: &C, out: &mut Splats) {
+        let [column, row] = pixel_from_voxel.map(|map| self.nested(&map));
+        let alike = (self.ellipse, self.strength);
+        for from in (0..BLOCK).step_by(LANES) {
+            let mut lanes = SplatPlaces::new();
+            for j in 0..LANES {
+                let position = positions.at(from + j);
+                let (ellipse, strength) = match (positions.shapes(), &self.shapes) {
+                    (Some(shapes), Some(of_shapes)) => of_shapes[usize::from(shapes[from + j]) % SHAPES],
+                    _ => alike,
+                };
+                lanes.set(j, [affine_at(&column, position), affine_at(&row, position)], &ellipse, strength);
             }
+            lanes.copy_to(from, &mut out.places);
         }
     }
 
     /// Finds the boxes of those of the first `count` voxels that are near the eye.
     #[inline(always)]
     pub fn place_near<C: Coordinates>(&self, count: usize, positions: &C, out: &mut Splats) {
-        out.near.clear();
+        let Splats { places, near, .. } = out;
+        near.clear();
         let (Some(view), PixelMap::Perspective { camera_from_voxel: [_, _, forward], near: far, .. }) =
             (&self.near, &self.map)
         else {
@@ -256,7 +265,7 @@ impl<'a> Projector<'a> {
         };
         // `place` has left out what is nearer than `far`.
         let count = count.min(BLOCK);
-        if out.strength[..count].iter().fold(true, |all, strength| all & (*strength > 0.0)) {
+        if places.strength[..count].iter().fold(true, |all, strength| all & (*strength > 0.0)) {
             return;
         }
         let forward = self.nested(forward);
@@ -271,48 +280,13 @@ impl<'a> Projector<'a> {
             let mut voxel = [0.0; 3];
             self.nesting.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
             if let Some(kernel) = view.kernel(voxel, depth) {
-                for (extents, [low, high]) in [(&mut out.x, kernel.columns), (&mut out.y, kernel.rows)] {
+                for (extents, [low, high]) in [(&mut places.x, kernel.columns), (&mut places.y, kernel.rows)] {
                     (extents.nearest[j], extents.low[j], extents.high[j]) = (low, low, high);
                 }
-                out.strength[j] = 1.0;
-                out.near.push((j as u8, kernel));
+                places.strength[j] = 1.0;
+                near.push((j as u8, kernel));
             }
         }
-    }
-
-    /// Does the work of [`Projector::place`] in a parallel view.
-    #[inline(always)]
-    fn place_parallel<C: Coordinates>(&self, pixel_from_voxel: [Affine; 2], positions: &C, out: &mut Splats) {
-        let [column, row] = pixel_from_voxel.map(|map| self.nested(&map));
-        let (Some(shapes), Some(of_shapes)) = (positions.shapes(), &self.shapes) else {
-            return self.place_alike([column, row], positions, out);
-        };
-        for j in 0..BLOCK {
-            let (ellipse, strength) = of_shapes[usize::from(shapes[j]) % SHAPES];
-            let position = positions.at(j);
-            out.x.set(j, nearest_pixel(affine_at(&column, position)), ellipse.half_x);
-            out.y.set(j, nearest_pixel(affine_at(&row, position)), ellipse.half_y);
-            (out.ellipses[0][j], out.ellipses[1][j], out.ellipses[2][j]) =
-                (ellipse.u_factor, ellipse.y_factor, ellipse.shear);
-            out.strength[j] = strength;
-        }
-    }
-
-    /// Does the work of [`Projector::place`] in a parallel view of voxels that have one kernel.
-    #[inline(always)]
-    fn place_alike<C: Coordinates>(&self, [column, row]: [Affine; 2], positions: &C, out: &mut Splats) {
-        let Ellipse { half_x, half_y, .. } = self.ellipse;
-        for from in (0..BLOCK).step_by(LANES) {
-            let (mut x, mut y) = (Extents::new(), Extents::new());
-            for j in 0..LANES {
-                let position = positions.at(from + j);
-                x.set(j, nearest_pixel(affine_at(&column, position)), half_x);
-                y.set(j, nearest_pixel(affine_at(&row, position)), half_y);
-            }
-            x.copy_to(from, &mut out.x);
-            y.copy_to(from, &mut out.y);
-        }
-        out.strength = [self.strength; BLOCK];
     }
 
     /// Returns `map` with its factors for the axes in the order slow, medium, fast.
@@ -337,7 +311,7 @@ impl<'a> Projector<'a> {
     pub fn cull(&self, count: usize, wanted: [bool; BLOCK], out: &mut Splats, tiles: &TileBuffer) {
         let rect = tiles.rect;
         let mut reaching = [false; BLOCK];
-        let Splats { x, y, strength, .. } = out;
+        let SplatPlaces { x, y, strength, .. } = &out.places;
         for j in 0..BLOCK {
             let reaches = (x.high[j] >= rect.x0)
                 & (x.low[j] < rect.x1)
@@ -503,23 +477,39 @@ impl<'a> Projector<'a> {
 /// How many voxels are computed at once, in local arrays, which the compiler knows not to overlap with other arrays.
 const LANES: usize = 16;
 
+impl SplatPlaces<LANES> {
+    /// Sets splat `j`, whose centre is at a column and a row.
+    #[inline(always)]
+    fn set(&mut self, j: usize, [column, row]: [f64; 2], ellipse: &Ellipse, strength: f32) {
+        self.x.set(j, nearest_pixel(column), ellipse.half_x);
+        self.y.set(j, nearest_pixel(row), ellipse.half_y);
+        (self.ellipses[0][j], self.ellipses[1][j], self.ellipses[2][j]) =
+            (ellipse.u_factor, ellipse.y_factor, ellipse.shear);
+        self.strength[j] = strength;
+    }
+
+    /// Copies all values into a block's arrays, starting at index `from`.
+    #[inline(always)]
+    fn copy_to(&self, from: usize, out: &mut SplatPlaces<BLOCK>) {
+        for (out, lanes) in [(&mut out.x, &self.x), (&mut out.y, &self.y)] {
+            out.nearest[from..from + LANES].copy_from_slice(&lanes.nearest);
+            out.offset[from..from + LANES].copy_from_slice(&lanes.offset);
+            out.low[from..from + LANES].copy_from_slice(&lanes.low);
+            out.high[from..from + LANES].copy_from_slice(&lanes.high);
+        }
+        for (out, lanes) in out.ellipses.iter_mut().zip(&self.ellipses) {
+            out[from..from + LANES].copy_from_slice(lanes);
+        }
+        out.strength[from..from + LANES].copy_from_slice(&self.strength);
+    }
+}
+
 impl<const N: usize> Extents<N> {
     /// Sets the centre and box of voxel `j` in x or y. The box reaches `half_width` pixels to both sides of the centre.
     #[inline(always)]
     fn set(&mut self, j: usize, centre: (i32, f32), half_width: f32) {
         (self.nearest[j], self.offset[j]) = centre;
         (self.low[j], self.high[j]) = pixel_span(centre, half_width);
-    }
-}
-
-impl Extents<LANES> {
-    /// Copies all values into a block's arrays, starting at index `from`.
-    #[inline(always)]
-    fn copy_to(&self, from: usize, out: &mut Extents<BLOCK>) {
-        out.nearest[from..from + LANES].copy_from_slice(&self.nearest);
-        out.offset[from..from + LANES].copy_from_slice(&self.offset);
-        out.low[from..from + LANES].copy_from_slice(&self.low);
-        out.high[from..from + LANES].copy_from_slice(&self.high);
     }
 }
 
@@ -537,7 +527,7 @@ impl Splats {
         for k in 0..self.count {
             let j = usize::from(self.kept[k]) % BLOCK;
             if self.near(j).is_none() {
-                self.looks[k][3] = limited(self.looks[k][3], self.strength[j]);
+                self.looks[k][3] = limited(self.looks[k][3], self.places.strength[j]);
             }
         }
     }

@@ -34,6 +34,7 @@ pub(super) struct Extents<const N: usize> {
 }
 
 impl<const N: usize> Extents<N> {
+    #[inline(always)]
     pub(super) fn new() -> Extents<N> {
         Extents { nearest: [0; N], offset: [0.0; N], low: [0; N], high: [0; N] }
     }
@@ -45,18 +46,30 @@ impl<const N: usize> Extents<N> {
     }
 }
 
-/// A block of splats. Centres, boxes and strengths are indexed by voxel of the block; looks like `kept`.
+/// The places of splats: centres, boxes, ellipses and strengths.
+pub(super) struct SplatPlaces<const N: usize> {
+    pub(super) x: Extents<N>,
+    pub(super) y: Extents<N>,
+    /// The `u_factor`, `y_factor` and `shear` of each ellipse.
+    pub(super) ellipses: [[f32; N]; 3],
+    /// The peak of a splat of optical depth 1.
+    pub(super) strength: [f32; N],
+}
+
+impl<const N: usize> SplatPlaces<N> {
+    #[inline(always)]
+    pub(super) fn new() -> SplatPlaces<N> {
+        SplatPlaces { x: Extents::new(), y: Extents::new(), ellipses: [[0.0; N]; 3], strength: [0.0; N] }
+    }
+}
+
+/// A block of splats. Places are indexed by voxel of the block; looks like `kept`.
 pub struct Splats {
     /// Number of splats to draw; `kept` and `looks` are meaningless from this index on.
     pub count: usize,
     /// For each splat to draw, in visit order: the index of its voxel in the block.
     pub kept: [u8; BLOCK],
-    /// The peak of a splat of optical depth 1.
-    pub(super) strength: [f32; BLOCK],
-    pub(super) x: Extents<BLOCK>,
-    pub(super) y: Extents<BLOCK>,
-    /// The `u_factor`, `y_factor` and `shear` of each ellipse in a perspective view.
-    pub(super) ellipses: [[f32; BLOCK]; 3],
+    pub(super) places: SplatPlaces<BLOCK>,
     /// The voxels of the block that are near the eye, by their indices, which ascend.
     pub(super) near: Vec<(u8, NearKernel)>,
     /// Red, green, blue, and the optical depth at the centre (the *peak*), in units of ln 2; 0 if the splat is not drawn.
@@ -69,10 +82,7 @@ impl Splats {
         Box::new(Splats {
             count: 0,
             kept: [0; BLOCK],
-            strength: [0.0; BLOCK],
-            x: Extents::new(),
-            y: Extents::new(),
-            ellipses: [[0.0; BLOCK]; 3],
+            places: SplatPlaces::new(),
             near: Vec::new(),
             looks: [[0.0; 4]; BLOCK],
         })
@@ -81,13 +91,13 @@ impl Splats {
     /// Returns the first and last column, and the first and last row, of the box of splat `j`, clipped to `rect`.
     #[inline(always)]
     pub(super) fn clipped(&self, j: usize, rect: Rect) -> ([i32; 2], [i32; 2]) {
-        (self.x.clipped(j, rect.x0, rect.x1), self.y.clipped(j, rect.y0, rect.y1))
+        (self.places.x.clipped(j, rect.x0, rect.x1), self.places.y.clipped(j, rect.y0, rect.y1))
     }
 
-    /// Returns the ellipse of splat `j` in a perspective view, without its box.
+    /// Returns the ellipse of splat `j`, without its box.
     #[inline(always)]
     pub(super) fn ellipse(&self, j: usize) -> Ellipse {
-        let [u_factor, y_factor, shear] = [self.ellipses[0][j], self.ellipses[1][j], self.ellipses[2][j]];
+        let [u_factor, y_factor, shear] = self.places.ellipses.each_ref().map(|factors| factors[j]);
         Ellipse { u_factor, y_factor, shear, ..Ellipse::default() }
     }
 
@@ -100,20 +110,18 @@ impl Splats {
 
     #[inline(always)]
     pub(super) fn centre(&self, j: usize) -> Centre {
-        let Splats { x, y, .. } = self;
+        let SplatPlaces { x, y, .. } = &self.places;
         Centre { x: x.nearest[j], y: y.nearest[j], offset_x: x.offset[j], offset_y: y.offset[j] }
     }
 }
 
-/// Draws a block's kept splats; `ellipse` returns the ellipse of a voxel's splat, `near` is the view of voxels near the
-/// eye. Returns how many touched the band.
+/// Draws a block's kept splats; `near` is the view of voxels near the eye. Returns how many touched the band.
 ///
 /// `cut` is the exponent at the kernel's cut-off, `stop` the transmittance below which a pixel no longer changes.
 #[inline(always)]
 pub(super) fn draw<B: Blend>(
     tiles: &mut TileBuffer,
     splats: &Splats,
-    ellipse: impl Fn(usize) -> Ellipse,
     near: Option<&NearView>,
     [cut, stop]: [f32; 2],
 ) -> u64 {
@@ -133,7 +141,7 @@ pub(super) fn draw<B: Blend>(
             draw_near::<B>(tiles, view, kernel, peak, place, colour, stop);
             continue;
         }
-        let kernel = SplatKernel { centre: splats.centre(j), ellipse: ellipse(j), cut, peak };
+        let kernel = SplatKernel { centre: splats.centre(j), ellipse: splats.ellipse(j), cut, peak };
         if peak <= SMALL_DEPTH {
             draw_splat::<B, true>(tiles, &kernel, place, colour, stop);
         } else {

@@ -102,14 +102,13 @@ impl<'a> DrawTask<'a> {
         let shown = lattice.shown(self.front);
         let footprints = Footprints::new(lattice, &self.projector);
         let halves = lattice.halves();
-        let is_halved = halves != [false; 2];
         if self.settings.code == Code::Plain {
             let bands = [plain::draw_on_lattice::<B>(self, lattice, footprints.as_ref(), &shown)?];
             let mut frame = Frame::transparent(lattice.size)?;
             combine(&bands, settings, &mut frame, |pixel, [red, green, blue, alpha]| {
                 *pixel = [red, green, blue, if transmits { 1.0 - alpha } else { alpha }];
             });
-            let kept = if is_halved { halved(&frame, halves, settings.threads)? } else { frame };
+            let kept = if halves != [false; 2] { halved(&frame, halves, settings.threads)? } else { frame };
             return Ok((kept, BandStats::of(&bands)));
         }
         let rows = lattice.size[1] as usize >> TILE;
@@ -128,10 +127,7 @@ impl<'a> DrawTask<'a> {
                 None => band.insert(Band::new(self, lattice, tables, each)?),
             };
             let stats = gather::draw::<B>(self, band, &shown, rows)?;
-            fearless_simd::dispatch!(level, simd => match is_halved {
-                true => band.pixels.put_halved(simd, transmits, halves, kept, columns),
-                false => band.pixels.put(simd, transmits, kept, columns),
-            });
+            fearless_simd::dispatch!(level, simd => band.pixels.put(simd, transmits, halves, kept, columns));
             Ok(stats)
         };
         let bands = frame.pixels_mut().as_chunks_mut().0.chunks_mut(columns * kept_rows).enumerate();

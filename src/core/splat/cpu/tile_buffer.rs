@@ -108,13 +108,13 @@ pub struct TileBuffer {
     tiles: Box<[PixelTile]>,
     /// The state of each tile.
     states: Vec<u8>,
-    /// For each tile: whether it is not frozen.
-    open: BitRows,
+    /// For each tile: whether its pixels may still change.
+    pub(super) open: BitRows,
 }
 
 impl TileBuffer {
     /// Creates the pixels of `rect`, which is not empty, with colours 0 and alphas `initial_alpha`.
-    pub(super) fn new(rect: Rect, initial_alpha: f32) -> Result<TileBuffer> {
+    pub fn new(rect: Rect, initial_alpha: f32) -> Result<TileBuffer> {
         let (tiles, states, open) = (Box::default(), Vec::new(), BitRows::default());
         let mut buffer = TileBuffer { rect, initial_alpha, pitch: 0, tiles, states, open };
         buffer.restart(rect)?;
@@ -236,24 +236,11 @@ impl TileBuffer {
         }
     }
 
-    /// Writes the colours and alphas of all tiles on which something was drawn to `pixels`, rows of `columns` each. The band
-    /// has these rows and columns, in whole tiles. If alpha `transmits` (is a transmittance), it is turned into an opacity.
+    /// Writes the colours and alphas of all tiles on which something was drawn to a plane of zeroes. The plane has half as many columns
+    /// as the band, if it `halves` them, and half as many rows, if it halves these: the means of pixels. `pixels` are its rows of
+    /// `columns` each, in whole tiles of the band. If alpha `transmits` (is a transmittance), it is turned into an opacity.
     #[inline(always)]
-    pub(super) fn put<S: Simd>(&self, simd: S, transmits: bool, pixels: &mut [[f32; 4]], columns: usize) {
-        for (row, pixels) in pixels.chunks_exact_mut(columns << TILE).enumerate() {
-            for (column, tile) in self.drawn_tiles(row) {
-                for (y, row) in pixels.chunks_exact_mut(columns).enumerate() {
-                    let values = tile.row(simd, y, transmits);
-                    f32x4::store_four_interleaved(values, row[column << TILE..(column + 1) << TILE].as_flattened_mut());
-                }
-            }
-        }
-    }
-
-    /// Writes what [`TileBuffer::put`] writes to a plane that has half as many columns, if it `halves` them, and half as many rows, if
-    /// it halves these: the means of pixels. Here `columns` is the number of columns of that plane.
-    #[inline(always)]
-    pub(super) fn put_halved<S: Simd>(
+    pub(super) fn put<S: Simd>(
         &self,
         simd: S,
         transmits: bool,
@@ -264,6 +251,13 @@ impl TileBuffer {
         let [across, down] = halves.map(|halved| (1 << TILE) >> u32::from(halved));
         for (row, pixels) in pixels.chunks_exact_mut(columns * down).enumerate() {
             for (column, tile) in self.drawn_tiles(row) {
+                if halves == [false; 2] {
+                    for (y, row) in pixels.chunks_exact_mut(columns).enumerate() {
+                        let row = &mut row[column << TILE..(column + 1) << TILE];
+                        f32x4::store_four_interleaved(tile.row(simd, y, transmits), row.as_flattened_mut());
+                    }
+                    continue;
+                }
                 let mut lines = [[[0.0; 4]; 1 << TILE]; 1 << TILE];
                 for (y, line) in lines.iter_mut().enumerate() {
                     f32x4::store_four_interleaved(tile.row(simd, y, transmits), line.as_flattened_mut());

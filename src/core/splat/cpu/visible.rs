@@ -10,7 +10,6 @@ use super::raster::{BLOCK, SplatKernel, Splats};
 use super::tile_buffer::TileBuffer;
 use super::voxel_block::VoxelBlock;
 use crate::arena::RecordSet;
-use crate::splat::view::PixelMap;
 
 /// The marks of the records that a view shows.
 #[derive(Debug, Clone, Copy)]
@@ -30,11 +29,8 @@ impl VisibleRecords<'_> {
             if record >= self.records.lane_records() || self.records.contains(record) {
                 continue;
             }
-            let ellipse = match &projector.map {
-                PixelMap::Parallel { .. } if projector.shapes.is_none() => projector.ellipse,
-                _ => splats.ellipse(j),
-            };
-            let kernel = SplatKernel { centre: splats.centre(j), ellipse, cut: projector.cut, peak: 1.0 };
+            let (centre, ellipse) = (splats.centre(j), splats.ellipse(j));
+            let kernel = SplatKernel { centre, ellipse, cut: projector.cut, peak: 1.0 };
             let depth = |x, y| match (&projector.near, splats.near(j)) {
                 (Some(view), Some(kernel)) => view.depths(kernel, &view.rays([x], [y]), 1.0)[0],
                 _ => kernel.depth(x, y),
