@@ -336,11 +336,10 @@ impl Lattice {
         }
     }
 
-    /// Returns how many pixels away from its centre a kernel of `slice` reaches at most: three radii on rays that are not
-    /// steeper than 2.8.
+    /// Returns how many pixels away from its voxel's point of the grid a kernel of `slice` reaches at most.
     #[inline(always)]
     pub(super) fn farthest(&self, slice: &Slice, side: usize) -> f64 {
-        (3.0 * f64::from(self.kernel.radius) + 4.0 * self.spread) / slice.step[side] + 6.0
+        self.reach(side, [0.0, f64::from(self.size[side])]) / slice.step[side] + 6.0
     }
 
     /// Returns, for each tile, row by row, whether the picture may show it, with `front` before it.
