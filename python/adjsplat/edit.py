@@ -106,11 +106,10 @@ class Edit:
         return with_look_of(Model(saved, path), self._model)
 
     def _visible_in(self, mask: np.ndarray) -> np.ndarray:
-        """Returns the visible voxels where a dense mask is true; a part of them at a time is looked up."""
-        positions = self._model.coordinates()
-        parts = [positions[first : first + LOOKED_UP] for first in range(0, len(positions), LOOKED_UP)]
-        inside = [mask[tuple(part.T)] for part in parts]
-        return positions[np.concatenate(inside)] if inside else positions
+        """Returns the voxels, visible or added so far, where a dense mask is true; a part of them at a time is looked up."""
+        voxels = [self._model.coordinates(), *(step.positions for step in self._steps if step.values is not None)]
+        parts = [of[first : first + LOOKED_UP] for of in voxels for first in range(0, len(of), LOOKED_UP)]
+        return np.concatenate([voxels[0][:0], *(part[mask[tuple(part.T)]] for part in parts)])
 
     def _positions(self, coordinates: Any) -> np.ndarray:
         positions = np.asarray(coordinates)

@@ -30,6 +30,14 @@ def test_steps_follow_each_other(model, tmp_path):
     assert a.count == model.count and b.count == model.count + 1 and b[0, 0, 0] == 100
 
 
+def test_a_dense_mask_removes_what_the_edit_has_added(model, tmp_path):
+    mask = np.ones(model.shape, bool)
+    mask[10] = False
+    g = model.edit().add([[0, 0, 0], [10, 0, 0]], 100).remove(mask).save(tmp_path / "g.adj")
+    assert (g.coordinates()[:, 0] == 10).all() and g[10, 0, 0] == 100
+    assert g.count == 1 + (model.coordinates()[:, 0] == 10).sum()
+
+
 def test_an_edit_without_effect_gives_the_same_voxels(model, tmp_path):
     for number, edit in enumerate(
         [model.edit(), model.edit().remove(np.zeros(model.count, bool)), model.edit().add([], [])]

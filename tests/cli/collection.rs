@@ -71,6 +71,15 @@ fn a_picture_of_a_collection_is_that_of_the_file() {
 }
 
 #[test]
+fn a_picture_of_a_collection_takes_no_more_memory_for_pages_of_its_bricks() {
+    let folder = Folder::new();
+    folder.adj("build phantom:gyroid --dims 256x256x256 --range 0.. -o a.adj --quiet").done();
+    folder.adj("split a.adj -o a.adjs --brick 64x64x64 --quiet").done();
+    // The joined file alone takes 64 MiB, and the bricks have 192.
+    folder.adj("render a.adjs -o a.png --size 200x200 --memory 80MiB").done();
+}
+
+#[test]
 fn bricks_that_cannot_be_used_are_named_and_left_out_on_demand() {
     let folder = Folder::new();
     split(&folder);

@@ -338,6 +338,34 @@ fn faces_of_deep_opaque_solids_seen_edge_on_are_not_cut_short() {
     }
 }
 
+/// A row of many voxels that are not opaque has as sharp an outline as opaque ones. Where the lattice followed the depth of one voxel,
+/// drafts of these cubes had 26.6 dB, and `standard` had 34.4; and a bar of opaque voxels had 31 dB at one pixel a voxel.
+#[test]
+fn outlines_of_solids_seen_edge_on_are_sharp() {
+    let solid = |dims, opacity: f64| {
+        let function = format!(r#"{{"kind": "range", "low": 1, "opacity": {opacity}}}"#);
+        solid(dims, [1.0; 3], transfer(&function))
+    };
+    let boxes = [
+        (solid([24; 3], 0.8), 5.0, [39.0, 50.0]),
+        (solid([64; 3], 0.8), 2.5, [39.0, 50.0]),
+        (solid([96, 12, 12], 1.0), 0.98, [34.0, 38.0]),
+    ];
+    for (built, pixels, least) in &boxes {
+        let size = [128; 2];
+        for view in [[0.0, 0.0], [3.0, 0.0], [20.0, 0.0], [1.0, 20.0], [90.0, 3.0]] {
+            let camera = camera(built, view, *pixels, size);
+            let draw = |quality| built.frame(&camera, &Settings::new(size).with_quality(quality));
+            let truth = draw(Quality::Reference);
+            for (quality, least) in [Quality::Draft, Quality::Standard].into_iter().zip(*least) {
+                let near = decibels(&draw(quality), &truth, EMPTY);
+                println!("{pixels} pixels a voxel, {view:?}, {quality:?}: {near:.1} dB");
+                assert!(near > least, "{pixels} pixels a voxel, {view:?}, {quality:?}: {near:.1} dB");
+            }
+        }
+    }
+}
+
 const FINER: u32 = 4;
 
 #[test]

@@ -40,6 +40,8 @@ impl RenderJob<'_> {
             let folder = scratch_folder(&arguments.output)?;
             let file = collection.joined_file(levels, &folder, self.memory, settings.threads, &mut progress)?;
             drop(progress);
+            // The pages of the bricks are not needed any more, but count as this process's until they are closed.
+            drop(collection);
             return self.draw_file(file, settings, transfer);
         }
         let bytes = collection.joined_bytes(levels, u64::MAX, settings.threads, &mut progress)?;

@@ -70,7 +70,7 @@ const QUALITIES: [Choice<Quality>; 4] = [
 ];
 
 const SAMPLINGS: [Choice<Sampling>; 4] = [
-    ("fewest", Sampling::Fewest, "32 dB or more in the scenes measured, for moving the camera"),
+    ("fewest", Sampling::Fewest, "Fewer than enough, for moving the camera"),
     ("enough", Sampling::Enough, "As many as splats need, on the lattice of the slices; the picture is interpolated"),
     ("every", Sampling::EveryPixel, "All pixels of the picture"),
     ("finer", Sampling::Finer, "Several for each pixel where voxels are smaller than pixels"),

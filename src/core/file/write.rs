@@ -376,6 +376,7 @@ pub(super) fn header_with_checksum(facts: &Facts, table: &[SectionEntry], end: u
         (true, _) if !facts.channels.coherence => layout::MINOR,
         (_, true) => layout::LIMITED_MINOR,
         (true, _) => layout::COHERENT_MINOR,
+        _ if table.iter().any(|entry| entry.level().is_some()) => layout::MINOR,
         _ => 0,
     });
     header.section_count = U32::new(u32::try_from(table.len()).expect("at most 1,024 sections"));

@@ -70,7 +70,7 @@ impl Blending {
 /// The depth is in units of ln 2: a voxel of depth d lets 2^-d of the light through.
 ///
 /// For linear blending the last number is an opacity. For maximum intensity it is the value, scaled to 0 to 1. It is 0 if the
-/// voxel is hidden.
+/// voxel is transparent.
 pub type Look = [f32; 4];
 
 /// A table of looks (colour and optical depth) by the codes of a scene's records (the stored numbers of its voxels).
@@ -94,7 +94,7 @@ pub struct Table<'a> {
 /// all voxels that the walk reaches. Measured: docs/studies/splats.md.
 const WORTHWHILE: f64 = 0.25;
 
-/// Returns whether `shown` hides that many of a lane's voxels, in a sample of about a thousand.
+/// Returns whether `shown` makes that many of a lane's voxels transparent, in a sample of about a thousand.
 fn hides_many(lane: &Lane, shown: &VisibleCodes) -> bool {
     let (mut hidden, mut voxels) = (0u32, 0u32);
     for record in (0..lane.steps.len()).step_by((lane.steps.len() / 1000).max(1)) {
@@ -169,7 +169,7 @@ impl<'a> Table<'a> {
 
     /// Returns the codes that both `lane` and the transfer function show, if voxels are to be dropped from the walk by them.
     ///
-    /// `None` if the function hides too few voxels of the lane ([`WORTHWHILE`]), if the function of the build is not known, and for
+    /// `None` if the function makes too few voxels of the lane transparent ([`WORTHWHILE`]), if the function of the build is not known, and for
     /// 16-bit values with magnitudes, whose pairs would take a large table.
     fn shown_codes(&self, lane: &Lane) -> Option<VisibleCodes> {
         let Scene { facts, lanes, transfer } = self.scene;
@@ -193,7 +193,7 @@ impl<'a> Table<'a> {
         hides_many(lane, &shown).then_some(shown)
     }
 
-    /// Returns `lane`, for which the table was made, without the voxels that the transfer function hides.
+    /// Returns `lane`, for which the table was made, without the voxels that the transfer function makes transparent.
     pub(crate) fn shown_of<'l>(&'l self, lane: &Lane<'l>) -> Lane<'l> {
         Lane { shown: self.shown.as_ref().or(lane.shown), ..*lane }
     }
@@ -259,14 +259,14 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Returns the depth of all looks that are not transparent, if it is one. Voxels that the function hides have 0.
+    /// Returns the depth of all looks that are not transparent, if it is one. Voxels that the function makes transparent have 0.
     pub(crate) fn only_depth(&self) -> Option<f32> {
         let mut depths = self.looks.iter().map(|look| look[3]).filter(|depth| *depth > 0.0);
         let first = depths.next()?;
         (self.key != LookKey::Computed && depths.all(|depth| depth == first)).then_some(first)
     }
 
-    /// Returns whether any code has an optical depth per mean voxel of at least `depth`; stops at the first such code.
+    /// Returns whether any code has an optical depth per mean spacing of at least `depth`; stops at the first such code.
     pub(crate) fn reaches(&self, depth: f64) -> bool {
         let in_table = |look: &Look| f64::from(look[3] / LOG2_E) >= depth;
         self.key == LookKey::Computed || self.looks.iter().any(in_table)

@@ -54,8 +54,8 @@ fn aim(quality: Quality) -> f64 {
     if quality == Quality::Draft { 30.0 } else { 38.0 }
 }
 
-/// Returns the limits of the levels of `arena`, level 1 first; 0 if they cannot be drawn. `progress` receives the directions that are
-/// done and in all, before each picture.
+/// Returns the limits of the levels of `arena`, level 1 first; 0 if they cannot be drawn. Before each
+/// picture `progress` receives the number of directions that are done, and of all.
 ///
 /// Lanes that are not stored are not derived: such views walk along another axis, and a view along the only lane is left out.
 ///

@@ -157,8 +157,8 @@ pub fn drawn_levels(scene: &Scene, camera: &Camera, settings: &Settings) -> Resu
 
 /// Returns the parts that a view draws, nearest first.
 ///
-/// Only front-to-back or back-to-front composites of exponential blending draw levels by themselves; other modes, and orders
-/// of studies, draw level 0. So does standard quality where a crop or a clip plane cuts blocks: it would cut the level elsewhere.
+/// Only composites with exponential blending choose levels; other modes, other blendings, and a set order draw
+/// level 0. So does standard quality where a crop or a clip plane cuts blocks: it would cut the level elsewhere.
 ///
 /// # Errors
 /// [`Error::Input`] if `settings` ask for a level that the scene does not have; the errors of [`View::new`].
@@ -186,7 +186,7 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
         let grid = &facts_of(scene, level).grid;
         grid.spacing.into_iter().fold(0.0, f64::max) / view.mean_voxel
     };
-    // The distance from the eye, in mean voxels of level 0, from which on a level is drawn; 0 or infinity in parallel views.
+    // The distance from the eye, in mean spacings of level 0, from which on a level is drawn; 0 or infinity in parallel views.
     let distances: Vec<f64> = (0..=levels)
         .map(|level| {
             if level > 0 && share(scene, level) > WORTHWHILE {
@@ -246,7 +246,7 @@ fn steepest(view: &View, focal: f64) -> f64 {
 }
 
 /// Returns runs of slices of level 0 along the slow axis, nearest first, with the level of each. `eye` is the eye's place on
-/// the axis, in slices, `step` their distance in mean voxels.
+/// the axis, in slices, `step` their distance in mean spacings.
 fn runs(scene: &Scene, slow: usize, eye: f64, step: f64, coarsest: impl Fn(f64) -> usize) -> Vec<(usize, Range<u32>)> {
     let slices = scene.facts.grid.dims[slow];
     // Blocks of the coarsest level that any slice is drawn from: all runs begin and end at such.

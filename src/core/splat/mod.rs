@@ -142,7 +142,7 @@ pub struct Settings {
     pub quality: Quality,
     /// How the splats on a ray are combined to a pixel.
     pub mode: Mode,
-    /// How much light a composited splat absorbs. Forms other than [`Blending::Exponential`] work only on the processor
+    /// How much light a composited splat absorbs. Blendings other than [`Blending::Exponential`] work only on the processor
     /// (not on a graphics device) and front to back.
     pub blending: Blending,
     /// The light, used if the transfer function is shaded and the voxels have normals; `None` turns it off.
@@ -164,8 +164,8 @@ pub struct Settings {
     pub termination: Option<f32>,
     /// The reconstruction kernel; `None` uses that of `quality`.
     pub kernel: Option<KernelShape>,
-    /// World distance along the view axis below which voxels are not drawn, above 0; `None` draws what lies in front of
-    /// the eye, of voxels that the eye is in the part in front.
+    /// In perspective: world distance along the view axis below which voxels are not drawn, above 0. `None` draws all
+    /// that lies in front of the eye, also parts of kernels.
     pub near: Option<f64>,
     /// Factor on the optical depths of [`Mode::Additive`], above 0. With `None`, a typical ray has three quarters of
     /// full brightness; the factor is the same for every view of a scene.
@@ -220,13 +220,10 @@ pub enum Sampling {
     /// pictures above 2,048 x 2,048 pixels have one sample per pixel. Composited pictures only.
     Finer,
     /// As many samples as the footprints need, on a plane parallel to the slices, which is then warped to the picture
-    /// (shear-warp; Lacroute and Levoy 1994). Where the plane cannot be used, one for every pixel: if the eye is among
-    /// or within eight voxels of the slices, in perspective x-rays of voxels below 1.5 pixels, in overexposed x-rays,
-    /// and where voxels are closer than 0.4 pixels, where it supersamples as [`Sampling::Finer`] does. The error is in
-    /// docs/studies/sampling.md.
+    /// (shear-warp; Lacroute and Levoy 1994). Where the plane cannot be used (docs/NUMERICS.md lists the cases), the same
+    /// as [`Sampling::Finer`]. The error is in docs/studies/sampling.md.
     Enough,
-    /// Fewer samples than [`Sampling::Enough`], for a moving camera: 32 dB or more in the scenes
-    /// measured (docs/NUMERICS.md).
+    /// Fewer samples than [`Sampling::Enough`], for a moving camera. The worst scenes measured are in docs/OPTICS.md, section 11.
     Fewest,
 }
 
@@ -471,8 +468,8 @@ fn require_pixels(size: [u32; 2]) -> Result<()> {
 pub struct Stats {
     /// Number of splats that reached the picture. A splat on the border between two threads' parts counts twice.
     pub splats_drawn: u64,
-    /// Number of voxels that were visited but not drawn: outside the picture, or hidden by opaque ones. Voxels that the transfer
-    /// function hides may be left out of this count.
+    /// Number of voxels that were visited but not drawn: outside the picture, or occluded. Transparent voxels may be left out of
+    /// this count.
     pub splats_skipped: u64,
     /// Number of bands (parts of the picture, one per thread) that were drawn at a time.
     pub bands: usize,

@@ -1,8 +1,7 @@
 //! Voxels near the eye: their kernels are integrated along each pixel's ray, from the eye on.
 //!
-//! In: a perspective view, a kernel, a voxel. Out: the voxel's optical depth at each pixel. An affine footprint is the
-//! same seen from all of a pixel's neighbours, and whole even where it reaches behind the eye: near the eye both are
-//! wrong. So voxels whose distance to the eye's plane is below [`NEAR`] are drawn exactly. In voxel coordinates, where
+//! In: a perspective view, a kernel, a voxel. Out: the voxel's optical depth at each pixel. An affine footprint treats
+//! the rays near a voxel as parallel, and is whole even where it reaches behind the eye. Near the eye both are wrong. So voxels whose distance to the eye's plane is below [`NEAR`] are drawn exactly. In voxel coordinates, where
 //! the kernel is a round Gaussian:
 //!
 //! ```text
@@ -119,7 +118,7 @@ impl NearView {
         })
     }
 
-    /// Returns what cubes of `width` voxels a side need, each one kernel that is as much wider.
+    /// For studies only: returns what cubes of `width` voxels a side need, each one kernel that is as much wider.
     pub(crate) fn wider(&self, width: f32) -> NearView {
         NearView {
             least_depth: self.least_depth.min(self.least_depth * f64::from(width)),

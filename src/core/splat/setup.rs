@@ -1,4 +1,6 @@
 //! The setup of a frame: what every renderer derives from a scene, a camera and settings before it draws.
+//!
+//! In: a scene, a camera and settings, all unchecked. Out: transforms, order, lane, kernels, lights and clip, checked.
 
 use super::block_kernel::Widths;
 use super::clip::ClipRegion;

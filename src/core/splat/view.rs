@@ -2,7 +2,7 @@
 //!
 //! In: a [`Camera`], a grid, a picture's size. Out: the transforms, the viewpoint in voxel units for the walk, and the
 //! pixels that a box of voxels covers. Pixel (0, 0) is centred at (0, 0); x to the right, y down. Lengths are in *mean
-//! voxels*, the cube root of a cell's volume, so that neither tiny nor huge spacings exceed single precision.
+//! spacings*, the cube root of a cell's volume, so that neither tiny nor huge spacings exceed single precision.
 
 use std::ops::Range;
 
@@ -80,7 +80,7 @@ pub struct View {
     pub(super) reach: f64,
     /// The distance between voxels on each axis, in mean spacings.
     pub steps: [f64; 3],
-    /// By how many voxels a voxel reaches out, in addition to its footprint.
+    /// Largest distance of a drawn voxel from its grid point, in voxels: its offset, or 1 in a maximum.
     pub(super) margin: f64,
 }
 

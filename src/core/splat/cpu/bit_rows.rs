@@ -1,4 +1,6 @@
 //! Rows of bits: which tiles may still change, and which voxels of a line may be seen.
+//!
+//! In: columns to set or clear. Out: whether any or all bits of a rectangle are set, and runs of set bits.
 
 /// A table of bits, row by row.
 #[derive(Default)]

@@ -1,6 +1,8 @@
 //! The inner loops, compiled for several instruction sets and chosen at run time.
 //!
 //! All versions give the same bits: they do the same arithmetic, and differ in how many values they compute at once.
+//!
+//! In: a [`Code`] and the arguments of a loop. Out: its result, by the best instructions that the code allows.
 
 use fearless_simd::Level;
 use multiversion::multiversion;

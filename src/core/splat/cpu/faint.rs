@@ -1,13 +1,12 @@
-//! Faint scenes: pixels get so many and so faint splats that rounding loses part of their effect on a transmittance
-//! near 1.
+//! Faint scenes: pixels get so many and so faint splats that the rounding errors of a transmittance near 1 add up.
 //!
-//! In: a frame whose splats each take less than [`FAINT`] of a pixel's light. Out: its pixels. Single precision holds a
-//! transmittance near 1 to 2^-25; a million splats of 1e-7 would lose a fifth of their effect. An opacity near 0 is
+//! In: a frame whose splats each take less than [`FAINT`] of a pixel's light. Out: its pixels. Single precision rounds a
+//! transmittance near 1 to multiples of 2^-24: splats of 1e-7 would count a fifth too much, those below 2^-25 not at all. An opacity near 0 is
 //! more exact. So the slices are drawn stack by stack, each as opacity from 0, and the stacks are composited:
 //!
 //! ```text
 //! stack      a += (1 - a) * splat        about 2^14 splats at most: relative error of the depth below 2^14 * 2^-25
-//! picture    A += (1 - A) * a            STACKS at most: error below STACKS * 2^-25
+//! picture    A += (1 - A) * a            MAX_STACKS at most: error below MAX_STACKS * 2^-25
 //! ```
 //!
 //! Ordinary scenes have a splat that is not faint, and are drawn without stacks. Measured: docs/NUMERICS.md.

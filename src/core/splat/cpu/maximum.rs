@@ -1,6 +1,6 @@
 //! The maximum modes: the largest interpolated value along the ray of each pixel.
 //!
-//! In: a drawing task. Out: pixels whose largest value is that value. Values are interpolated linearly;
+//! In: a drawing task. Out: for each pixel its largest sample. Values are interpolated linearly;
 //! where no voxel is visible they are 0. A ray is sampled at each slice that it meets, and half-way between slices:
 //!
 //! ```text

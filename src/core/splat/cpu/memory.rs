@@ -1,4 +1,6 @@
 //! Estimates the memory that drawing a frame takes, before the frame is drawn.
+//!
+//! In: a grid, a camera, settings. Out: an upper bound in bytes, and the pixels that are drawn first.
 
 use super::Plane;
 use crate::arena::visible::MAX_DEPTH;

@@ -1,8 +1,8 @@
 //! The renderer on the processor.
 //!
-//! In: a scene, a camera, settings. Out: a frame and statistics of the work. Each thread draws a band (a range of rows
-//! or columns) of the picture and walks the whole lane (all scan lines along one axis) by itself. The picture has the
-//! same bits for any number of threads and any instruction set.
+//! In: a scene, a camera, settings. Out: a frame and statistics of the work. Threads draw bands: ranges of rows or columns
+//! of the picture, or rows of the lattice. Each band walks the whole lane (all scan lines along one axis). The picture has
+//! the same bits for any number of threads and any instruction set.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -186,7 +186,7 @@ enum Plane {
 impl Plane {
     /// Returns the best way to sample a view of the voxels in `bounds`; `None` to draw one sample for each pixel.
     ///
-    /// `deepest` is the largest optical depth of any voxel, along a ray as long as the mean voxel spacing.
+    /// `deepest` is the largest optical depth of any voxel, along a ray as long as the mean spacing.
     fn choose(view: &View, order: &Order, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Option<Plane> {
         let lattice = Lattice::new(view, order, bounds, deepest, settings).map(|plane| Plane::Lattice(Box::new(plane)));
         lattice.or_else(|| Supersampling::new(view, bounds, settings).map(Plane::Supersampling))

@@ -56,9 +56,9 @@ pub struct Projector<'a> {
     pub(super) widths: Widths,
     /// The peak of a splat of optical depth 1; in perspective, kernel normalisation times squared focal length.
     pub(super) strength: f32,
-    /// The position of the eye along the x, y and z axis, in mean voxel spacings.
+    /// The position of the eye along the x, y and z axis, in mean spacings.
     pub(super) eye: [f32; 3],
-    /// The distance between neighbouring voxels on each axis, in mean voxel spacings.
+    /// The distance between neighbouring voxels on each axis, in mean spacings.
     pub(super) steps: [f32; 3],
 }
 
@@ -107,7 +107,7 @@ impl<'a> Projector<'a> {
         }
     }
 
-    /// Returns a projector for cubes of `edge` voxels per side, each one splat of a kernel `edge` times as wide.
+    /// For studies only: returns a projector for cubes of `edge` voxels per side, each one splat of a kernel `edge` times as wide.
     pub fn of_cubes(&self, edge: u32) -> Projector<'a> {
         let width = edge as f32;
         let sigma = self.sigma * width;
@@ -520,7 +520,7 @@ pub(super) fn affine_at(map: &Affine, [slow, medium, fast]: [f64; 3]) -> f64 {
 }
 
 impl Splats {
-    /// Turns each kept splat's optical depth per mean voxel spacing into that at the splat's centre, unless the voxel is near the
+    /// Turns each kept splat's optical depth per mean spacing into that at the splat's centre, unless the voxel is near the
     /// eye: its depth depends on the ray.
     #[inline(always)]
     pub fn apply_strengths(&mut self) {

@@ -1,6 +1,6 @@
 //! The voxels of a scan line, in the order of a visit: where a line ends, and which of its voxels lie between two columns.
 //!
-//! In: coordinates. Out: ranges of indices.
+//! In: a batch's coordinates along one axis. Out: ranges of indices.
 
 use std::ops::Range;
 

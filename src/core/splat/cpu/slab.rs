@@ -67,7 +67,7 @@ pub(super) struct Tiles {
     pub(super) count: u16,
 }
 
-/// Voxels of a few slices. What is for a voxel is in arrays with one element each.
+/// Voxels of a few slices. Arrays have one element for each voxel.
 pub(super) struct Slab {
     /// Number of slices.
     slices: usize,
@@ -234,8 +234,8 @@ impl Slab {
         self.places.get(splat as usize)
     }
 
-    /// Removes all voxels and slices. Tiles took this many splats, in so many visits: the next slab is larger if these
-    /// were few a visit.
+    /// Removes all voxels and slices. Tiles took `taken` splats in `visits` visits; if that is few a visit, the next
+    /// slab is larger.
     pub(super) fn clear(&mut self, taken: u64, visits: u64) {
         /// Splats a visit: below the first number, loading and storing a tile's pixels takes too long.
         const FEW: u64 = 20;

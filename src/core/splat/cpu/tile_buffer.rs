@@ -6,7 +6,7 @@
 //! only if the load asks for no more than was stored.
 //!
 //! A tile is *fresh* until something is drawn on it; an empty part of the picture then costs no memory. It is *frozen*
-//! when all its pixels are below the stopping threshold; a bit a tile tells that, so that rectangles are tested quickly.
+//! when all its pixels are below the termination bound; a bit a tile tells that, so that rectangles are tested quickly.
 
 use bytemuck::Zeroable;
 use fearless_simd::f32x4;

@@ -1,7 +1,7 @@
 //! Marking the voxels that a view shows.
 //!
 //! In: a block of projected splats and the pixels drawn so far. Out: marks on the records of splats that meet, at any
-//! pixel of their footprint, a transmittance of at least the stopping threshold. If all unmarked voxels are removed,
+//! pixel of their footprint, a transmittance of at least the termination bound. If all unmarked voxels are removed,
 //! the view changes by less than that threshold. Splats of one block do not hide each other: the error is to mark too
 //! many voxels.
 

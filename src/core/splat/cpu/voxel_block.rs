@@ -1,4 +1,6 @@
-//! Voxels of a walk that wait until a block of them is full, and where they lie.
+//! Collects the voxels of a walk into full blocks, so that the next stage can use vectors.
+//!
+//! In: batches. Out: coordinates and record numbers; of coverages also offsets and shapes.
 
 use std::ops::Range;
 

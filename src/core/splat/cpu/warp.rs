@@ -37,7 +37,7 @@ const GAIN: f32 = 6.0 * 0.267_949_2;
 /// Pixels of the plane for which it is worthwhile to start a thread.
 const PART: usize = 1 << 16;
 
-/// Computes the picture from `plane`, what is kept of the frame drawn on `lattice`, whose alphas are at most `most`. The result
+/// Computes the picture from `plane`: the frame drawn on `lattice`, perhaps halved. Its alphas are at most `most`. The result
 /// does not depend on `level` and `threads`.
 pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, level: Level, threads: usize) -> Result<Frame> {
     let LowPass { halvings, covariance, is_wide, .. } = lattice.low_pass;

@@ -241,7 +241,7 @@ impl<'a> GpuRenderer<'a> {
     /// Draws a frame and waits for it; ignores `settings.code`. The processor lists the lines of a lane that fits the video
     /// memory, and finishes pixels, on up to `settings.threads` threads.
     ///
-    /// The frame is that of [`cpu::render`](super::cpu::render), except for rounding, also that of the target, and for
+    /// The frame is that of [`cpu::render`](super::cpu::render) with [`Sampling::Finer`], except for rounding, also that of the target, and for
     /// early termination, which quads do not have.
     ///
     /// # Errors
@@ -337,7 +337,7 @@ impl<'a> GpuRenderer<'a> {
     /// `settings.size` is the texture's. Splats are not counted and stages not timed.
     ///
     /// # Errors
-    /// Returns the errors of [`GpuRenderer::render`]; [`Error::Input`] unless the sampling is [`Sampling::EveryPixel`].
+    /// Returns the errors of [`GpuRenderer::render`]; [`Error::Input`] if `settings.sampling` is another than [`Sampling::EveryPixel`].
     #[cfg(not(target_arch = "wasm32"))]
     pub fn render_to(&mut self, camera: &Camera, settings: &Settings, target: &RenderTarget) -> Result<GpuStats> {
         pollster::block_on(self.render_to_async(camera, settings, target))

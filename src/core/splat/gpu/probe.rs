@@ -1,4 +1,6 @@
 //! Access to the stages' buffers between chunks, for tests that check each stage and for benches.
+//!
+//! In: a chunk whose commands were submitted. Out: the device's buffers.
 
 use wgpu::{Buffer, Device, Queue};
 

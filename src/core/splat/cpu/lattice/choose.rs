@@ -17,7 +17,7 @@ use crate::traverse::{Order, Sense, Viewpoint, VoxelBox};
 /// Width of the plane's margin around the voxels, in its pixels after halving, so that the voxels' edge is interpolated
 /// correctly.
 const MARGIN: f64 = 6.0;
-/// A plane is worthwhile if it has at most so many pixels for each pixel of the picture (over the same area).
+/// A plane is worthwhile if it has at most so many pixels for each pixel of the picture.
 const MAX_PIXELS: f64 = 6.5;
 /// If pixels are averaged, it is also worthwhile if at most so many are kept for the warp. They take 36 to 68 MiB.
 const FEW_PIXELS: f64 = 2_097_152.0;
@@ -86,7 +86,7 @@ const LEAST_SUMMED_STEP: f64 = 1.5;
 
 impl Lattice {
     /// Returns the lattice of a view of the voxels in `bounds`; `deepest` is the largest optical depth of any of them,
-    /// along a ray as long as the mean voxel spacing.
+    /// along a ray as long as the mean spacing.
     ///
     /// `None` if `settings` ask for other samples, another mode or another direction, if `order` is not the view's own,
     /// if the eye is among or near the slices, if the plane is seen too obliquely, or if it would have to be too large.
@@ -148,7 +148,7 @@ impl Lattice {
                 // An x-ray is not steep at outlines, as opaque matter is.
                 let most_uneven = MOST_UNEVEN[if settings.mode == Mode::Additive { 1 } else { of_sampling }];
                 let limits = [WIDEST[of_sampling], NARROWEST[of_sampling], most_uneven];
-                perspective(view, width, limits, nested, &extent, &choose, (kernel, squares))?
+                perspective(view, width, limits, nested, &extent, choose, (kernel, squares))?
             }
         };
         let pixels = |size: [u32; 2]| f64::from(size[0]) * f64::from(size[1]);

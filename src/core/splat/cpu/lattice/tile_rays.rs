@@ -1,4 +1,6 @@
 //! The rays of a tile: what the kernels of voxels weigh at its pixels.
+//!
+//! In: a lattice, a tile, a kernel's shape. Out: weights at the tile's sixteen pixels. The formula is in mod.rs.
 
 use super::{Lattice, Place, Rays};
 use crate::splat::arith::{LOG2_E, keep_if, near_exp2_neg};
