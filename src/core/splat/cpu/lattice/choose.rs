@@ -128,9 +128,11 @@ impl Lattice {
         if settings.mode == Mode::Additive && sharpness > 1.0 {
             return None;
         }
+        // Sums have no outlines, and those of levels are only as exact as their blocks.
+        let has_outlines = settings.mode == Mode::Composite && view.margin == 0.0;
         let small = if view.margin > 0.0 { SMALL_VOXELS_BESIDE } else { SMALL_VOXELS };
         let choose = |side: usize, rays: &RaysBeside, step: f64, is_far: bool| {
-            let edge = if settings.mode == Mode::Additive { 0.0 } else { rays.edge_sharpness(side, deepest, slices) };
+            let edge = if has_outlines { rays.edge_sharpness(side, deepest, slices) } else { 0.0 };
             let per_pixel = if edge > 1.0 && step > SMALL_STEP { PER_PIXEL_EDGE_ON[of_sampling] } else { per_pixel };
             let least = if is_far { 0.0 } else { small };
             (wide * sharpness.max(edge)).min(least.max(per_pixel * step * sigmas[side])) / sigmas[side]
