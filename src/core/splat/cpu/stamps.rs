@@ -27,8 +27,9 @@ pub(super) struct Stamps {
     first: [[i32; 2]; SLICES],
     /// For each slice: a row of stamps after the other.
     stamps: Vec<[f32; TILE_PIXELS]>,
-    /// For each row of stamps: the first and the last column whose voxels reach the first tile; and for each slice, of all rows.
+    /// For each row of stamps: the first and the last column whose voxels reach the first tile.
     ends: Vec<[i32; 2]>,
+    /// For each slice: the least first and the greatest last column of its rows.
     widest: [[i32; 2]; SLICES],
     /// For each column of stamps: the nearest column of pixels, and the distance from it.
     across: Vec<(i32, f32)>,
@@ -37,8 +38,8 @@ pub(super) struct Stamps {
 /// The ends of a row of stamps that reaches no tile.
 const NONE: [i32; 2] = [1 << 20, -(1 << 20)];
 
-/// Which voxels of a line reach the tiles of a row: from `low` to `high` along the fast axis the first tile, and so many voxels
-/// later each next tile.
+/// Which voxels of a line reach the tiles of a row: `low` to `high` along the fast axis reach the first tile; for each next tile both
+/// are `voxels` more.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Span {
     low: i32,

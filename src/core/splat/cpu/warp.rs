@@ -111,7 +111,7 @@ fn corners([xx, xy, yy]: [f64; 3]) -> [[f64; 2]; 4] {
         .map(|[one, two]: [f64; 2]| [one * distance, one * aside + two * other])
 }
 
-/// Returns a plane of half as many columns, if it `halves` them, and of half as many rows, if it halves these. Its pixels are means;
+/// Returns the plane with half as many columns, rows, or both, as `halves` says. Its pixels are means;
 /// beyond the edges, pixels are 0.
 pub(super) fn halved(plane: &Frame, halves: [bool; 2], threads: usize) -> Result<Frame> {
     let columns = plane.size()[0] as usize;
