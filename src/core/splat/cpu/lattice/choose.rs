@@ -67,7 +67,8 @@ const LEAST_BEHIND: f64 = 12.0;
 const MOST_BEHIND: f64 = 48.0;
 /// Sharpness of such an outline per standard deviation of the kernel that its depth reaches out. Measured: docs/studies/sampling.md.
 const EDGE_ON: f64 = 0.7;
-/// The most pixels of the plane per pixel of the picture, along a side across such an outline.
+/// The most pixels of the plane per pixel of the picture across such an outline, unless voxels are small: for [`Sampling::Enough`] and
+/// [`Sampling::Fewest`].
 const PER_PIXEL_EDGE_ON: [f64; 2] = [2.1, 1.7];
 /// Slices are in phase if a ray moves by a whole number of voxels per slice, up to this many voxels: along an axis, and along
 /// diagonals. All slices then have pixels at the same places beside their voxels, and errors add up instead of averaging out,
