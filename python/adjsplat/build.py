@@ -154,8 +154,8 @@ def build(
     bits. `normal_bits` are those of each component of a normal: 8, 16, or 0 for none.
 
     `memory` bounds the bytes of the process (or "256MiB") while a file is written. What a library takes to decode its array
-    is counted with twice the slices that are read at a time; zarr may take twice as much. `threads` defaults to all processors.
-    The result depends on neither. `progress(phase, done, total)` is called about twenty times a second; what it raises
+    is counted with twice the slices that are read at a time; zarr may take twice as much. `threads` defaults to all
+    processors. The result depends on neither. `progress(phase, done, total)` is called about twenty times a second; what it raises
     stops the build, as Ctrl-C does, and no file is left. Of two builds that write one path at the same time, one file stays,
     and both may return it.
 
