@@ -155,9 +155,9 @@ def build(
 
     `memory` bounds the bytes of the process (or "256MiB") while a file is written. What a library takes to decode its array
     is counted with twice the slices that are read at a time; zarr may take twice as much. `threads` defaults to all
-    processors. The result depends on neither. `progress(phase, done, total)` is called about twenty times a second; what it raises
-    stops the build, as Ctrl-C does, and no file is left. Of two builds that write one path at the same time, one file stays,
-    and both may return it.
+    processors. The result depends on neither. `progress(phase, done, total)` is called about twenty times a second; what
+    it raises stops the build, as Ctrl-C does, and no file is left. Of two builds that write one path at the same time, one
+    file stays, and both may return it.
 
     Of files: `shape` (z, y, x), `dtype` and `skip` describe one without a header; `volume_index`, `level` and `series`
     choose one of several volumes, resolutions or DICOM series; `outside_files` allows headers to name files in other
