@@ -15,10 +15,10 @@ pub mod scatter {
     pub use crate::splat::cpu::blend::{Blend, FrontToBack};
     pub use crate::splat::cpu::dispatch::{draw_block, project_block};
     pub use crate::splat::cpu::project::Projector;
-    pub use crate::splat::cpu::raster::{BLOCK, Splats};
+    pub use crate::splat::cpu::splats::Splats;
     pub use crate::splat::cpu::task::{BandResult, BandStats, assemble};
     pub use crate::splat::cpu::tile_buffer::{Rect, TileBuffer};
-    pub use crate::splat::cpu::voxel_block::{Coordinates, GROUP, VoxelBlock};
+    pub use crate::splat::cpu::voxel_block::{BLOCK, Coordinates, GROUP, VoxelBlock};
 }
 
 // Parts of the arena, of a build and of the volume's sources.

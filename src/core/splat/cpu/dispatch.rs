@@ -9,12 +9,13 @@ use multiversion::multiversion;
 use multiversion::target::match_target;
 
 use super::blend::Blend;
-use super::gather::Band;
-use super::maximum::{self, Rays};
+use super::gather::band::Band;
 use super::project::Projector;
-use super::raster::{self, BLOCK, Splats};
+use super::scatter::maximum::{self, Rays};
+use super::scatter::raster;
+use super::splats::Splats;
 use super::tile_buffer::TileBuffer;
-use super::voxel_block::VoxelBlock;
+use super::voxel_block::{BLOCK, VoxelBlock};
 use crate::splat::Code;
 use crate::splat::composite::Look;
 use crate::traverse::Batch;

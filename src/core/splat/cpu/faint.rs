@@ -13,6 +13,7 @@
 
 use super::blend::{FaintBackToFront, FaintFrontToBack};
 use super::project::Projector;
+use super::scatter;
 use super::task::{BandStats, DrawTask, combine};
 use crate::error::Result;
 use crate::splat::composite::{Blending, Mode, Table};
@@ -106,8 +107,8 @@ pub(super) fn draw(
         setup.clip.crop = *stack;
         let task = DrawTask::new::<FaintFrontToBack>(setup, table, settings);
         let bands = match settings.sense {
-            Sense::FrontToBack => task.draw::<FaintFrontToBack>()?,
-            Sense::BackToFront => task.draw::<FaintBackToFront>()?,
+            Sense::FrontToBack => scatter::draw::<FaintFrontToBack>(&task)?,
+            Sense::BackToFront => scatter::draw::<FaintBackToFront>(&task)?,
         };
         combine(&bands, settings, &mut frame, |pixel, stack| {
             let (front, behind) = match settings.sense {

@@ -10,41 +10,30 @@
     reason = "coordinates are clipped to pictures of 16,384 pixels a side, and index loops over arrays run side by side"
 )]
 
-mod band;
 mod bit_rows;
 pub(crate) mod blend;
 pub(crate) mod dispatch;
 mod faint;
-mod footprints;
 mod front;
 mod gather;
 mod lattice;
-mod lists;
-mod look_tables;
-pub(crate) mod maximum;
 mod memory;
 mod plain;
 pub(crate) mod project;
-pub(crate) mod raster;
-mod scan_line;
-mod slab;
-mod spans;
-mod stamps;
+pub(crate) mod scatter;
+pub(crate) mod splats;
 pub(crate) mod task;
 pub(crate) mod tile_buffer;
-mod tile_composite;
-mod visible;
 pub(crate) mod voxel_block;
-mod warp;
 
 use std::time::{Duration, Instant};
 
 pub use self::memory::{Canvas, MIXED_SAMPLES, canvas, memory_need};
-pub use self::visible::VisibleRecords;
+pub use self::scatter::visible::VisibleRecords;
 
 use self::blend::{Additive, BackToFront, Blend, FrontToBack, LinearFrontToBack};
 use self::front::Front;
-use self::lattice::Lattice;
+use self::lattice::{Lattice, warp};
 use self::project::Projector;
 use self::task::{BandStats, DrawTask, assemble, full_rect, pixels};
 use self::tile_buffer::Rect;
@@ -203,7 +192,7 @@ fn warped<B: Blend>(
 ) -> Result<(Frame, BandStats)> {
     let level = dispatch::level(settings.code);
     let task = DrawTask { front, ..DrawTask::new::<B>(setup, table, settings) };
-    let (plane, work) = task.on_lattice::<B>(lattice)?;
+    let (plane, work) = gather::draw::<B>(&task, lattice)?;
     if settings.mode == Mode::Composite {
         return Ok((warp::warp(lattice, plane, 1.0, level, settings.threads)?, work));
     }
@@ -236,7 +225,7 @@ fn blended<B: Blend>(
     settings: &Settings,
     front: Option<&Front>,
 ) -> Result<(Frame, BandStats)> {
-    let bands = DrawTask { front, ..DrawTask::new::<B>(setup, table, settings) }.draw::<B>()?;
+    let bands = scatter::draw::<B>(&DrawTask { front, ..DrawTask::new::<B>(setup, table, settings) })?;
     assemble(&bands, settings, table)
 }
 
@@ -263,7 +252,7 @@ pub fn mark_visible(scene: &Scene, camera: &Camera, settings: &Settings, visible
     let full = full_rect(settings.size);
     let strip = (STRIP_PIXELS / full.x1.max(1)).max(1);
     for y0 in (0..full.y1).step_by(strip.unsigned_abs() as usize) {
-        band::draw::<FrontToBack>(&task, Rect { y0, y1: full.y1.min(y0 + strip), ..full })?;
+        scatter::band::draw::<FrontToBack>(&task, Rect { y0, y1: full.y1.min(y0 + strip), ..full })?;
     }
     settings.check_stop()
 }

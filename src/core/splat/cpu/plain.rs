@@ -5,12 +5,12 @@
 //! Tests check that both give equal bits.
 
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
-use super::footprints::Footprints;
-use super::lattice::{Lattice, TileRays};
-use super::maximum::{Rays, advance};
+use super::lattice::warp::halved;
+use super::lattice::{Footprints, Lattice, TileRays};
 use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pixel_span, slant, widened};
-use super::raster::{Centre, SplatKernel};
-use super::task::{BandResult, BandStats, DrawTask, full_rect};
+use super::scatter::maximum::{Rays, advance};
+use super::splats::{Centre, SplatKernel};
+use super::task::{BandResult, BandStats, DrawTask, combine, full_rect};
 use super::tile_buffer::{Rect, TILE, TileBuffer};
 use crate::arena::layout::Channels;
 use crate::classify::normal::{self, Coherence};
@@ -19,6 +19,7 @@ use crate::splat::arith::at_least;
 use crate::splat::kernel::{Ellipse, footprint};
 use crate::splat::near::{NearKernel, NearView};
 use crate::splat::view::{Affine, PixelMap, single};
+use crate::splat::{Frame, Settings};
 use crate::traverse::Batch;
 
 /// Draws the whole picture.
@@ -60,13 +61,13 @@ pub(super) fn draw_sheets(task: &DrawTask, rect: Rect) -> Result<BandResult> {
     Ok(BandResult { pixels: tiles, stats })
 }
 
-/// Draws all voxels on the pixels of a lattice; `shown` tells which of its tiles are drawn at all.
+/// Draws all voxels on a lattice; `shown` tells which of its tiles are drawn at all. Transmittances become opacities.
 pub(super) fn draw_on_lattice<B: Blend>(
     task: &DrawTask,
     lattice: &Lattice,
     footprints: Option<&Footprints>,
     shown: &[bool],
-) -> Result<BandResult> {
+) -> Result<(Frame, BandStats)> {
     let rect = full_rect(lattice.size);
     let mut tiles = TileBuffer::new(rect, B::INITIAL_ALPHA)?;
     let projector = &task.projector;
@@ -126,7 +127,16 @@ pub(super) fn draw_on_lattice<B: Blend>(
         }
         is_drawn
     });
-    Ok(BandResult { pixels: tiles, stats })
+    let settings = &Settings { size: lattice.size, ..task.settings.clone() };
+    let bands = [BandResult { pixels: tiles, stats }];
+    let transmits = B::INITIAL_ALPHA > 0.0;
+    let mut frame = Frame::transparent(lattice.size)?;
+    combine(&bands, settings, &mut frame, |pixel, [red, green, blue, alpha]| {
+        *pixel = [red, green, blue, if transmits { 1.0 - alpha } else { alpha }];
+    });
+    let halves = lattice.halves();
+    let kept = if halves == [false; 2] { frame } else { halved(&frame, halves, settings.threads)? };
+    Ok((kept, BandStats::of(&bands)))
 }
 
 /// What a voxel adds to pixels: the kernel's footprint, or if it is near the eye, its depth along each ray.

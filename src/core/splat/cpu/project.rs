@@ -11,9 +11,9 @@
 //!
 //! Centres are computed in double precision, so that a picture of 16,384 pixels is as exact as a small one.
 
-use super::raster::{BLOCK, Extents, SplatPlaces, Splats};
+use super::splats::{Extents, SplatPlaces, Splats};
 use super::tile_buffer::{Rect, TileBuffer};
-use super::voxel_block::{Coordinates, Displaced, VoxelBlock};
+use super::voxel_block::{BLOCK, Coordinates, Displaced, VoxelBlock};
 use crate::arena::layout::Channels;
 use crate::arena::visible::MAX_DEPTH;
 use crate::arena::{Coverage, Lane};

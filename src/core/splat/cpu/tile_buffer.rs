@@ -21,6 +21,10 @@ use crate::splat::frame::zeroed;
 pub(super) const TILE: i32 = 2;
 /// Number of pixels of a tile.
 pub(super) const TILE_PIXELS: usize = 1 << (2 * TILE);
+/// For each pixel of a tile: its column in the tile.
+pub(super) const COLUMN: [f32; TILE_PIXELS] = [0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3.];
+/// For each pixel of a tile: its row in the tile.
+pub(super) const ROW: [f32; TILE_PIXELS] = [0., 0., 0., 0., 1., 1., 1., 1., 2., 2., 2., 2., 3., 3., 3., 3.];
 
 /// A half-open rectangle of pixels, in absolute picture coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

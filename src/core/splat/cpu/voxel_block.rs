@@ -4,8 +4,12 @@
 
 use std::ops::Range;
 
-use super::raster::BLOCK;
 use crate::traverse::Batch;
+
+/// Number of voxels in a block, so small that all arrays of a block stay in the first-level cache.
+pub const BLOCK: usize = 128;
+/// How many voxels are added to a block together, and where their line has gaps, tested for visibility together before.
+pub const GROUP: usize = 16;
 
 /// Yields the coordinates of a block's voxels along the slow, medium and fast axis, for every index below [`BLOCK`].
 pub trait Coordinates {
@@ -119,6 +123,3 @@ impl VoxelBlock {
         count
     }
 }
-
-/// How many voxels are added to a block together, and where their line has gaps, tested for visibility together before.
-pub const GROUP: usize = 16;

@@ -14,7 +14,7 @@ use crate::arena::visible::MAX_DEPTH;
 use crate::splat::Lighting;
 use crate::splat::arith::LOG2_E;
 use crate::splat::clip::{ClipRegion, IndexPlane};
-use crate::splat::cpu::maximum::Rays;
+use crate::splat::cpu::scatter::maximum::Rays;
 use crate::splat::kernel::{KernelShape, footprint};
 use crate::splat::near::NearView;
 use crate::splat::setup::FrameSetup as Shot;

@@ -4,9 +4,9 @@
 
 use glam::{DMat3, DVec3};
 
+use super::warp::MOST_ASIDE;
 use super::{Lattice, LowPass, Rays};
 use crate::splat::block_kernel::SHAPES;
-use crate::splat::cpu::warp::MOST_ASIDE;
 use crate::splat::kernel::{KernelShape, LOW_PASS};
 use crate::splat::near::NEAR;
 use crate::splat::supersample::sigma_at_centre;

@@ -21,18 +21,19 @@
 //! Source: Lacroute and Levoy, "Fast volume rendering using a shear-warp factorization", 1994, for the plane.
 
 mod choose;
+mod footprints;
 mod tile_rays;
+pub(super) mod warp;
 
 use bytemuck::Zeroable;
 use glam::{DMat3, DVec3};
 
+pub(super) use self::footprints::Footprints;
 pub(super) use self::tile_rays::{TileRays, near_weight};
 use super::front::Front;
 use super::project::nearest_pixel;
-use super::raster::BLOCK;
-use super::slab::Tiles;
 use super::tile_buffer::TILE;
-use super::voxel_block::{Coordinates, Displaced};
+use super::voxel_block::{BLOCK, Coordinates, Displaced};
 use crate::splat::block_kernel::SHAPES;
 use crate::splat::kernel::KernelShape;
 
@@ -53,6 +54,14 @@ pub(super) struct Lattice {
     spread: f64,
     /// The squares of kernels' widths along the slow, fast and medium axis, by their shape.
     squares: [[f32; SHAPES]; 3],
+}
+
+/// The tiles of a row, or of a column, that a voxel reaches.
+#[derive(Debug, Clone, Copy, Default, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct Tiles {
+    pub(super) first: u16,
+    pub(super) count: u16,
 }
 
 /// How a plane is filtered where voxels are small. Pairs are along columns and along rows of the plane.

@@ -5,8 +5,7 @@
 use super::{Lattice, Place, Rays};
 use crate::splat::arith::{LOG2_E, keep_if, near_exp2_neg};
 use crate::splat::block_kernel::SHAPES;
-use crate::splat::cpu::raster::{COLUMN, ROW};
-use crate::splat::cpu::tile_buffer::{TILE, TILE_PIXELS};
+use crate::splat::cpu::tile_buffer::{COLUMN, ROW, TILE, TILE_PIXELS};
 
 /// What a kernel is on the rays of a tile.
 #[derive(Debug, Clone, Copy)]

@@ -5,12 +5,11 @@
 
 use multiversion::multiversion;
 
-use super::lattice::Lattice;
-use super::project::{Projector, limited};
-use super::raster::BLOCK;
-use super::voxel_block::VoxelBlock;
 use crate::classify::normal::{self, Coherence};
 use crate::splat::composite::Look;
+use crate::splat::cpu::lattice::Lattice;
+use crate::splat::cpu::project::{Projector, limited};
+use crate::splat::cpu::voxel_block::{BLOCK, VoxelBlock};
 use crate::splat::shade::Lights;
 use crate::splat::view::PixelMap;
 

@@ -1,25 +1,16 @@
-//! Stage 2: from splats to pixels.
-//!
-//! In: a block of projected splats in visit order, the tiles of a band. Out: the band's pixels.
+//! Splats: what stage 1 makes of voxels, and stage 2 draws on pixels.
 //!
 //! ```text
 //! q     = u_factor * u^2 + y_factor * y^2, u = x - shear * y     from the centre, in units of ln 2; cut off at `cut`
 //! depth = peak * 2^-q
 //! ```
-//!
-//! A splat is drawn on every tile of 4 x 4 pixels that its box meets, sixteen pixels at once; a wide splat is drawn
-//! only on tiles that its ellipse meets. Frozen tiles are skipped. Pixels of a tile outside the ellipse get depth 0;
-//! pixels outside the band are never read. A pixel's bits depend on absolute coordinates only.
 
-use super::blend::Blend;
-use super::tile_buffer::{Rect, TILE, TILE_PIXELS, TileBuffer};
-use crate::splat::arith::{SMALL_DEPTH, at_least, at_most, exp2_neg, keep_if};
+use super::tile_buffer::{COLUMN, ROW, Rect, TILE, TILE_PIXELS};
+use super::voxel_block::BLOCK;
+use crate::splat::arith::{at_least, at_most, exp2_neg, keep_if};
 use crate::splat::composite::Look;
 use crate::splat::kernel::Ellipse;
-use crate::splat::near::{NearKernel, NearView};
-
-/// Number of splats in a block, so small that all arrays of a block stay in the first-level cache.
-pub const BLOCK: usize = 128;
+use crate::splat::near::NearKernel;
 
 /// The centres and bounding boxes of splats in one direction, x or y, in pixels.
 pub(super) struct Extents<const N: usize> {
@@ -115,106 +106,6 @@ impl Splats {
     }
 }
 
-/// Draws a block's kept splats; `near` is the view of voxels near the eye. Returns how many touched the band.
-///
-/// `cut` is the exponent at the kernel's cut-off, `stop` the transmittance below which a pixel no longer changes.
-#[inline(always)]
-pub(super) fn draw<B: Blend>(
-    tiles: &mut TileBuffer,
-    splats: &Splats,
-    near: Option<&NearView>,
-    [cut, stop]: [f32; 2],
-) -> u64 {
-    let mut drawn = 0;
-    for k in 0..splats.count.min(BLOCK) {
-        let j = usize::from(splats.kept[k]) % BLOCK;
-        let [red, green, blue, peak] = splats.looks[k];
-        let ([low_x, high_x], [low_y, high_y]) = splats.clipped(j, tiles.rect);
-        // Stage 1 lists only splats that reach the band; this test keeps other splats from writing outside the tiles.
-        if peak <= 0.0 || low_x > high_x || low_y > high_y {
-            continue;
-        }
-        drawn += 1;
-        let place = [[low_x >> TILE, high_x >> TILE], [low_y >> TILE, high_y >> TILE]];
-        let colour = [red, green, blue];
-        if let (Some(view), Some(kernel)) = (near, splats.near(j)) {
-            draw_near::<B>(tiles, view, kernel, peak, place, colour, stop);
-            continue;
-        }
-        let kernel = SplatKernel { centre: splats.centre(j), ellipse: splats.ellipse(j), cut, peak };
-        if peak <= SMALL_DEPTH {
-            draw_splat::<B, true>(tiles, &kernel, place, colour, stop);
-        } else {
-            draw_splat::<B, false>(tiles, &kernel, place, colour, stop);
-        }
-    }
-    drawn
-}
-
-/// Draws a splat on tile columns `left..=right`, tile rows `top..=bottom`. `IS_SMALL`: its peak is up to
-/// [`SMALL_DEPTH`].
-#[inline(always)]
-fn draw_splat<B: Blend, const IS_SMALL: bool>(
-    tiles: &mut TileBuffer,
-    kernel: &SplatKernel,
-    [[left, right], [top, bottom]]: [[i32; 2]; 2],
-    colour: [f32; 3],
-    stop: f32,
-) {
-    let root = kernel.ellipse.u_factor.sqrt();
-    for row in top..bottom + 1 {
-        let tile_row = kernel.tile_row(root, row);
-        let (mut from, mut to) = (left, right);
-        if right - left >= WIDE {
-            let [first, last] = kernel.chord(row);
-            (from, to) = (from.max(first), to.min(last));
-        }
-        for column in from..to + 1 {
-            let Some((index, tile)) = tiles.tile(column, row) else { continue };
-            let mut amounts = kernel.depths(root, &tile_row, column);
-            for i in 0..TILE_PIXELS {
-                amounts[i] = B::amount::<IS_SMALL>(amounts[i]);
-            }
-            if !tile.blend::<B>(&amounts, colour, stop) {
-                tiles.freeze(index, column, row);
-            }
-        }
-    }
-}
-
-/// Draws a voxel near the eye on tile columns `left..=right`, tile rows `top..=bottom`.
-#[inline(always)]
-fn draw_near<B: Blend>(
-    tiles: &mut TileBuffer,
-    view: &NearView,
-    kernel: &NearKernel,
-    peak: f32,
-    [[left, right], [top, bottom]]: [[i32; 2]; 2],
-    colour: [f32; 3],
-    stop: f32,
-) {
-    for row in top..bottom + 1 {
-        for column in left..right + 1 {
-            let Some((index, tile)) = tiles.tile(column, row) else { continue };
-            let (mut columns, mut rows) = ([0; TILE_PIXELS], [0; TILE_PIXELS]);
-            for i in 0..TILE_PIXELS {
-                (columns[i], rows[i]) = ((column << TILE) + COLUMN[i] as i32, (row << TILE) + ROW[i] as i32);
-            }
-            let mut amounts = view.depths(kernel, &view.rays(columns, rows), peak);
-            for i in 0..TILE_PIXELS {
-                amounts[i] = B::amount::<false>(amounts[i]);
-            }
-            if !tile.blend::<B>(&amounts, colour, stop) {
-                tiles.freeze(index, column, row);
-            }
-        }
-    }
-}
-
-/// A splat is wide if its last tile in a row is at least this many tiles after the first one. Only then does finding
-/// the tiles that its ellipse meets save time.
-const WIDE: i32 = 3;
-
 /// A splat's centre: the nearest pixel, and the centre minus that pixel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Centre {
@@ -235,7 +126,7 @@ pub(super) struct SplatKernel {
 }
 
 /// For each pixel of a tile: the parts of the exponent that are the same for all tiles of a row.
-struct TileRow {
+pub(super) struct TileRow {
     /// The distance along x to the ellipse's ridge, if the tile's first column were that of the centre; times the
     /// square root of `u_factor`.
     distance: [f32; TILE_PIXELS],
@@ -270,7 +161,7 @@ impl SplatKernel {
     }
 
     #[inline(always)]
-    fn tile_row(&self, root: f32, row: i32) -> TileRow {
+    pub(super) fn tile_row(&self, root: f32, row: i32) -> TileRow {
         let first_row = ((row << TILE) - self.centre.y) as f32;
         let mut terms = TileRow { distance: [0.0; TILE_PIXELS], exponent: [0.0; TILE_PIXELS] };
         for i in 0..TILE_PIXELS {
@@ -281,7 +172,7 @@ impl SplatKernel {
 
     /// Returns the optical depths at the pixels of a tile.
     #[inline(always)]
-    fn depths(&self, root: f32, tile_row: &TileRow, column: i32) -> [f32; TILE_PIXELS] {
+    pub(super) fn depths(&self, root: f32, tile_row: &TileRow, column: i32) -> [f32; TILE_PIXELS] {
         let first_column = ((column << TILE) - self.centre.x) as f32 * root;
         let mut depths = [0.0; TILE_PIXELS];
         for i in 0..TILE_PIXELS {
@@ -292,7 +183,7 @@ impl SplatKernel {
 
     /// Returns the columns of the first and last tile of a row that the ellipse may meet, with a margin for rounding.
     #[inline(always)]
-    fn chord(&self, row: i32) -> [i32; 2] {
+    pub(super) fn chord(&self, row: i32) -> [i32; 2] {
         let low = ((row << TILE) - self.centre.y) as f32 - self.centre.offset_y;
         let high = low + 3.0;
         let nearest = at_least(at_least(low, 0.0 - high), 0.0);
@@ -304,8 +195,3 @@ impl SplatKernel {
         [column(self.centre.offset_x + from - 1.0), column(self.centre.offset_x + to + 1.0)]
     }
 }
-
-/// For each pixel of a tile: its column in the tile.
-pub(super) const COLUMN: [f32; TILE_PIXELS] = [0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3.];
-/// For each pixel of a tile: its row in the tile.
-pub(super) const ROW: [f32; TILE_PIXELS] = [0., 0., 0., 0., 1., 1., 1., 1., 2., 2., 2., 2., 3., 3., 3., 3.];

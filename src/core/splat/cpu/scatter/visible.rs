@@ -5,11 +5,11 @@
 //! the view changes by less than that threshold. Splats of one block do not hide each other: the error is to mark too
 //! many voxels.
 
-use super::project::Projector;
-use super::raster::{BLOCK, SplatKernel, Splats};
-use super::tile_buffer::TileBuffer;
-use super::voxel_block::VoxelBlock;
 use crate::arena::RecordSet;
+use crate::splat::cpu::project::Projector;
+use crate::splat::cpu::splats::{SplatKernel, Splats};
+use crate::splat::cpu::tile_buffer::TileBuffer;
+use crate::splat::cpu::voxel_block::{BLOCK, VoxelBlock};
 
 /// The marks of the records that a view shows.
 #[derive(Debug, Clone, Copy)]

@@ -10,14 +10,12 @@
 
 use multiversion::multiversion;
 
-use super::lattice::{Lattice, Place, Slice, TileRays};
-use super::project::{Projector, nearest_pixel};
-use super::raster::BLOCK;
-use super::slab::Tiles;
-use super::tile_buffer::{TILE, TILE_PIXELS};
-use super::voxel_block::VoxelBlock;
+use super::{Lattice, Place, Slice, TileRays, Tiles};
 use crate::arena::{Coverage, Lane};
 use crate::splat::block_kernel::{SHAPES, shape};
+use crate::splat::cpu::project::{Projector, nearest_pixel};
+use crate::splat::cpu::tile_buffer::{TILE, TILE_PIXELS};
+use crate::splat::cpu::voxel_block::{BLOCK, VoxelBlock};
 
 /// Number of bits of a place within a pixel, along a side; number of places, and their middle, which is the pixel's centre.
 const BITS: i32 = 2;
@@ -32,7 +30,7 @@ const CODES: usize = 1 << 9;
 const SHARE_BITS: u32 = 7;
 
 /// The weights of a frame's kernels, and how codes of coverages move voxels. Pairs are along columns and rows of the plane.
-pub(super) struct Footprints {
+pub(in super::super) struct Footprints {
     /// How many pixels the first column or row of weights is before a voxel's nearest pixel.
     before: [i32; 2],
     /// Number of strips for a place, and of rows of a strip.
@@ -60,7 +58,7 @@ struct Beside {
 
 impl Footprints {
     /// Computes the footprints of a frame; `None` if the view is not parallel, voxels lie on points of the grid, or kernels are wide.
-    pub(super) fn new(lattice: &Lattice, projector: &Projector) -> Option<Footprints> {
+    pub(in super::super) fn new(lattice: &Lattice, projector: &Projector) -> Option<Footprints> {
         let channels = projector.lane.channels;
         if projector.is_on_grid() || !lattice.is_parallel() {
             return None;
@@ -111,25 +109,25 @@ impl Footprints {
 
     /// Returns the optical depth at its centre of a voxel of depth 1 with this code of a coverage.
     #[inline(always)]
-    pub(super) fn strength(&self, code: u16) -> f32 {
+    pub(in super::super) fn strength(&self, code: u16) -> f32 {
         self.beside(code).strength
     }
 
     /// Returns where a voxel of `slice` lies, in quarters of a pixel, from its coordinates on the fast and the medium axis and
     /// the code of its coverage.
-    pub(super) fn place(&self, slice: &Slice, voxel: [u16; 2], code: u16) -> [i32; 2] {
+    pub(in super::super) fn place(&self, slice: &Slice, voxel: [u16; 2], code: u16) -> [i32; 2] {
         let shift = self.beside(code).shift;
         [0, 1].map(|side| quarters(slice, side, voxel[side], shift[side]))
     }
 
     /// Returns the first and the last pixel along columns (`side` 0) or rows (1) that a voxel at a place reaches.
-    pub(super) fn pixels(&self, side: usize, at: i32, code: u16) -> [i32; 2] {
+    pub(in super::super) fn pixels(&self, side: usize, at: i32, code: u16) -> [i32; 2] {
         let reach = self.beside(code).reach[side];
         [(at - reach + PLACES - 1) >> BITS, (at + reach) >> BITS]
     }
 
     /// Returns the weight of a voxel at a place at one of these pixels.
-    pub(super) fn weight(&self, at: [i32; 2], code: u16, [x, y]: [i32; 2]) -> f32 {
+    pub(in super::super) fn weight(&self, at: [i32; 2], code: u16, [x, y]: [i32; 2]) -> f32 {
         let number = self.number(at, self.beside(code).first) + self.later([x >> TILE, y >> TILE]);
         self.weights(number)[((y & 3) << TILE | (x & 3)) as usize]
     }
@@ -144,13 +142,13 @@ impl Footprints {
 
     /// Returns by how much the number of a voxel's weights is higher for this tile than for the first one.
     #[inline(always)]
-    pub(super) fn later(&self, [column, row]: [i32; 2]) -> i32 {
+    pub(in super::super) fn later(&self, [column, row]: [i32; 2]) -> i32 {
         TILE_PIXELS as i32 * (column * self.rows + row)
     }
 
     /// Returns the weights at the pixels of a tile by their number.
     #[inline(always)]
-    pub(super) fn weights(&self, number: i32) -> &[f32; TILE_PIXELS] {
+    pub(in super::super) fn weights(&self, number: i32) -> &[f32; TILE_PIXELS] {
         let first = (number as usize).min(self.weights.len() - TILE_PIXELS);
         self.weights[first..].first_chunk().expect("a tile's weights are there")
     }
@@ -158,7 +156,7 @@ impl Footprints {
     /// Computes the numbers of the weights of a block's voxels for the first tile of the plane, and the columns and rows of
     /// tiles that they reach.
     #[inline(always)]
-    pub(super) fn place_block(
+    pub(in super::super) fn place_block(
         &self,
         voxels: &VoxelBlock,
         lane: &Lane,

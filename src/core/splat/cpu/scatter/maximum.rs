@@ -13,14 +13,14 @@
 //! the samples half a slice before, at and after the slice of the last voxel. When a voxel of another slice comes, finished
 //! sums are compared with the largest sample. Adding 0 changes nothing, so a pixel's bits depend on no other pixel.
 
-use super::project::{Projector, affine_at, nearest_pixel};
-use super::raster::{BLOCK, COLUMN, ROW};
-use super::task::{BandResult, DrawTask};
-use super::tile_buffer::{PixelTile, Rect, TILE, TILE_PIXELS, TileBuffer};
-use super::voxel_block::VoxelBlock;
-use super::{band, dispatch};
+use super::band;
 use crate::error::Result;
 use crate::splat::arith::{at_least, keep_if};
+use crate::splat::cpu::dispatch;
+use crate::splat::cpu::project::{Projector, affine_at, nearest_pixel};
+use crate::splat::cpu::task::{BandResult, DrawTask};
+use crate::splat::cpu::tile_buffer::{COLUMN, PixelTile, ROW, Rect, TILE, TILE_PIXELS, TileBuffer};
+use crate::splat::cpu::voxel_block::{BLOCK, VoxelBlock};
 use crate::splat::setup::FrameSetup;
 use crate::splat::view::{Affine, PixelMap, apply};
 use crate::traverse::Viewpoint;
@@ -40,7 +40,7 @@ pub(super) fn draw(task: &DrawTask, rect: Rect) -> Result<BandResult> {
 /// `tiles`: for each pixel, its largest finished sample, then the sums half a slice before, at and after the tile's slice; `slices`:
 /// for each tile, the slice of the last voxel that was drawn on it.
 #[inline(always)]
-pub(super) fn add<const IS_PERSPECTIVE: bool>(
+pub(in super::super) fn add<const IS_PERSPECTIVE: bool>(
     projector: &Projector,
     rays: &Rays,
     voxels: &VoxelBlock,
@@ -94,7 +94,7 @@ pub(super) fn add<const IS_PERSPECTIVE: bool>(
 /// Compares the sums that voxels `slices` slices ahead cannot add to with the largest sample. `values`: of `N` pixels, in
 /// the order of [`add`].
 #[inline(always)]
-pub(super) fn advance<const N: usize>(values: &mut [[f32; N]; 4], slices: u16) {
+pub(in super::super) fn advance<const N: usize>(values: &mut [[f32; N]; 4], slices: u16) {
     let [largest, before, at, after] = *values;
     let is_next = slices == 1;
     for i in 0..N {
@@ -179,7 +179,7 @@ impl Rays {
 
     /// Returns the first and last column, and the first and last row, of the pixels whose samples a voxel may add to.
     #[inline(always)]
-    pub(super) fn pixels(&self, position: [f64; 3]) -> [i32; 4] {
+    pub(in super::super) fn pixels(&self, position: [f64; 3]) -> [i32; 4] {
         // A hundredth of a pixel more on either side.
         let span = |low: f64, high: f64| [nearest_pixel(low + 0.49).0, nearest_pixel(high - 0.49).0];
         let [[left, right], [top, bottom]] = match self {
@@ -211,7 +211,7 @@ impl Rays {
 
     /// Returns the rays of a tile whose first pixel is `first`, as seen from a voxel.
     #[inline(always)]
-    pub(super) fn near(&self, [slow, medium, fast]: [f64; 3], first: [i32; 2]) -> NearRays {
+    pub(in super::super) fn near(&self, [slow, medium, fast]: [f64; 3], first: [i32; 2]) -> NearRays {
         let [column, row] = first.map(f64::from);
         let at_first = |map: &PixelAffine| apply(&[map[0], map[1], 0.0, map[2]], [column, row, 0.0]);
         match self {
@@ -253,7 +253,7 @@ fn inverse_columns(maps: &[Affine; 3]) -> [[f64; 3]; 3] {
 ///
 /// At a sample k half slices after the voxel, the ray's point is `(apart + k half_step) / along` from the voxel.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct NearRays {
+pub(in super::super) struct NearRays {
     /// Along the medium and the fast axis, in voxels; times `along`.
     apart: [[f32; 3]; 2],
     half_step: [[f32; 3]; 2],
@@ -269,7 +269,7 @@ impl NearRays {
     /// Returns the weights of the voxel in the samples half a slice before it, at it and half a slice after it, at `N`
     /// pixels with these columns and rows in the tile.
     #[inline(always)]
-    pub(super) fn weights<const IS_PERSPECTIVE: bool, const N: usize>(
+    pub(in super::super) fn weights<const IS_PERSPECTIVE: bool, const N: usize>(
         &self,
         columns: &[f32; N],
         rows: &[f32; N],

@@ -4,7 +4,7 @@
 
 use std::ops::Range;
 
-use super::voxel_block::GROUP;
+use crate::splat::cpu::voxel_block::GROUP;
 
 /// Returns how many of the first coordinates are equal. Those that are equal must be neighbours, as in a slice, which has one line at
 /// each coordinate.

@@ -19,12 +19,12 @@ use std::ops::Range;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x4, f32x16, f64x8, i32x16};
 
-use super::lattice::{Lattice, LowPass};
-use super::tile_buffer::halve_rows;
+use super::{Lattice, LowPass};
 use crate::error::Result;
 use crate::parallel::in_parts;
 use crate::splat::Frame;
 use crate::splat::arith::{at_least, at_most, near_exp2_neg};
+use crate::splat::cpu::tile_buffer::halve_rows;
 
 /// Smallest standard deviation of a blur that is done, in pixels. A smaller one changes no value by more than 0.001.
 const MIN_BLUR: f64 = 0.03;
@@ -39,7 +39,13 @@ const PART: usize = 1 << 16;
 
 /// Computes the picture from `plane`: the frame drawn on `lattice`, perhaps halved. Its alphas are at most `most`. The result
 /// does not depend on `level` and `threads`.
-pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, level: Level, threads: usize) -> Result<Frame> {
+pub(in super::super) fn warp(
+    lattice: &Lattice,
+    mut plane: Frame,
+    most: f32,
+    level: Level,
+    threads: usize,
+) -> Result<Frame> {
     let LowPass { halvings, covariance, is_wide, .. } = lattice.low_pass;
     let mut plane_from_pixel = lattice.plane_from_pixel;
     for halving in 0..halvings[0].max(halvings[1]) {
@@ -113,7 +119,7 @@ fn corners([xx, xy, yy]: [f64; 3]) -> [[f64; 2]; 4] {
 
 /// Returns the plane with half as many columns, rows, or both, as `halves` says. Its pixels are means;
 /// beyond the edges, pixels are 0.
-pub(super) fn halved(plane: &Frame, halves: [bool; 2], threads: usize) -> Result<Frame> {
+pub(in super::super) fn halved(plane: &Frame, halves: [bool; 2], threads: usize) -> Result<Frame> {
     let columns = plane.size()[0] as usize;
     let each = halves.map(|halved| 1 + u32::from(halved));
     let mut halved = Frame::transparent([0, 1].map(|side: usize| plane.size()[side].div_ceil(each[side])))?;

@@ -19,24 +19,23 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::time::Instant;
 
-use super::bit_rows::BitRows;
-use super::blend::Blend;
-use super::dispatch;
-use super::footprints::Footprints;
-use super::lattice::{Lattice, Slice};
 use super::lists::{FULL, Lists, TOGETHER};
 use super::look_tables::LookTables;
-use super::project::{Projector, limited};
 use super::scan_line::{OneWay, ends, same};
 use super::slab::{Line, Slab};
 use super::spans::Spans;
 use super::stamps::Stamps;
-use super::task::{BandStats, DrawTask};
-use super::tile_buffer::{Rect, TILE, TileBuffer};
 use super::tile_composite::Weights;
-use super::voxel_block::{GROUP, VoxelBlock};
 use crate::error::Result;
 use crate::splat::Code;
+use crate::splat::cpu::bit_rows::BitRows;
+use crate::splat::cpu::blend::Blend;
+use crate::splat::cpu::dispatch;
+use crate::splat::cpu::lattice::{Footprints, Lattice, Slice};
+use crate::splat::cpu::project::{Projector, limited};
+use crate::splat::cpu::task::{BandStats, DrawTask};
+use crate::splat::cpu::tile_buffer::{Rect, TILE, TileBuffer};
+use crate::splat::cpu::voxel_block::{GROUP, VoxelBlock};
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Slack of rounded bounds, in voxels or pixels of the plane.
@@ -102,7 +101,7 @@ impl<B: Blend> Visitor for LatticePainter<'_, '_, B> {
 }
 
 /// A band of the lattice's tiles, and the voxels that one thread is drawing on it.
-pub(super) struct Band<'a, B> {
+pub(in super::super) struct Band<'a, B> {
     blend: PhantomData<B>,
     /// Selects the instruction set.
     code: Code,
@@ -239,7 +238,7 @@ impl<'a, B: Blend> Band<'a, B> {
 
     /// Adds those of a batch's voxels that open tiles may show.
     #[inline(always)]
-    pub(super) fn visit(&mut self, projector: &Projector, batch: &Batch) {
+    pub(in super::super) fn visit(&mut self, projector: &Projector, batch: &Batch) {
         if self.slow != Some(batch.slow) {
             self.flush(projector);
             if self.slab.is_full() {
@@ -392,7 +391,7 @@ impl<'a, B: Blend> Band<'a, B> {
 
     /// Shades the voxels of the block and adds them to the slab.
     #[inline(always)]
-    pub(super) fn flush(&mut self, projector: &Projector) {
+    pub(in super::super) fn flush(&mut self, projector: &Projector) {
         let Band { voxels, tables, slab, lattice, slice, stamps, footprints, .. } = self;
         if voxels.count == 0 {
             return;
@@ -435,7 +434,7 @@ impl<'a, B: Blend> Band<'a, B> {
 
     /// Lets all open tiles take the voxels of the slab.
     #[inline(always)]
-    pub(super) fn take_all(&mut self, projector: &Projector) {
+    pub(in super::super) fn take_all(&mut self, projector: &Projector) {
         self.find_runs();
         let spans = self.spans.take();
         for row in 0..self.rows {

@@ -3,14 +3,13 @@
 //! In: the splats on a tile's list, in visit order, and where their weights come from. Out: the tile's pixels, and whether any of
 //! them may still change.
 
-use super::blend::Blend;
-use super::footprints::Footprints;
-use super::lattice::{Lattice, TileRays, near_weight};
-use super::project::{Projector, limited};
 use super::slab::Slab;
 use super::stamps::Stamps;
-use super::tile_buffer::{TILE_PIXELS, TileBuffer};
 use crate::splat::block_kernel::SHAPES;
+use crate::splat::cpu::blend::Blend;
+use crate::splat::cpu::lattice::{Footprints, Lattice, TileRays, near_weight};
+use crate::splat::cpu::project::{Projector, limited};
+use crate::splat::cpu::tile_buffer::{TILE_PIXELS, TileBuffer};
 
 /// How many splats' amounts are computed together in a perspective. If a tile closes, the rest of them are computed in vain.
 const FEW: usize = 8;

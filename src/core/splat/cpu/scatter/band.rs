@@ -6,17 +6,17 @@
 use std::ops::Range;
 use std::time::Instant;
 
-use super::blend::Blend;
-use super::dispatch;
-use super::raster::{BLOCK, Splats};
-use super::task::{BandResult, DrawTask};
-use super::tile_buffer::{Rect, TileBuffer};
-use super::voxel_block::{GROUP, VoxelBlock};
 use crate::error::Result;
+use crate::splat::cpu::blend::Blend;
+use crate::splat::cpu::dispatch;
+use crate::splat::cpu::splats::Splats;
+use crate::splat::cpu::task::{BandResult, DrawTask};
+use crate::splat::cpu::tile_buffer::{Rect, TileBuffer};
+use crate::splat::cpu::voxel_block::{BLOCK, GROUP, VoxelBlock};
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Draws the band `rect` by splats.
-pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult> {
+pub(in super::super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult> {
     let DrawTask { projector, settings, visible, .. } = task;
     let mut splats = Splats::new();
     let draw_block = |voxels: &VoxelBlock, tiles: &mut TileBuffer| {

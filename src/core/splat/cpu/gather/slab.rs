@@ -5,11 +5,10 @@
 
 use std::ops::Range;
 
-use super::lattice::Place;
 use super::lists::TOGETHER;
-use super::raster::BLOCK;
-use super::voxel_block::VoxelBlock;
 use crate::error::Result;
+use crate::splat::cpu::lattice::{Place, Tiles};
+use crate::splat::cpu::voxel_block::{BLOCK, VoxelBlock};
 use crate::splat::frame::zeroed;
 
 /// Most slices of a slab.
@@ -57,14 +56,6 @@ impl Run {
         let (from, to) = if first <= last { (low - first, high - first) } else { (first - high, first - low) };
         [from.max(0), to.min((last - first).abs())]
     }
-}
-
-/// The tiles of a row, or of a column, that a voxel reaches.
-#[derive(Debug, Clone, Copy, Default, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct Tiles {
-    pub(super) first: u16,
-    pub(super) count: u16,
 }
 
 /// Voxels of a few slices. Arrays have one element for each voxel.

@@ -1,0 +1,114 @@
+//! Stage 2: from splats to pixels.
+//!
+//! In: a block of projected splats in visit order, the tiles of a band. Out: the band's pixels.
+//!
+//! A splat is drawn on every tile of 4 x 4 pixels that its box meets, sixteen pixels at once; a wide splat is drawn
+//! only on tiles that its ellipse meets. Frozen tiles are skipped. Pixels of a tile outside the ellipse get depth 0;
+//! pixels outside the band are never read. A pixel's bits depend on absolute coordinates only.
+
+use crate::splat::arith::SMALL_DEPTH;
+use crate::splat::cpu::blend::Blend;
+use crate::splat::cpu::splats::{SplatKernel, Splats};
+use crate::splat::cpu::tile_buffer::{COLUMN, ROW, TILE, TILE_PIXELS, TileBuffer};
+use crate::splat::cpu::voxel_block::BLOCK;
+use crate::splat::near::{NearKernel, NearView};
+
+/// Draws a block's kept splats; `near` is the view of voxels near the eye. Returns how many touched the band.
+///
+/// `cut` is the exponent at the kernel's cut-off, `stop` the transmittance below which a pixel no longer changes.
+#[inline(always)]
+pub(in super::super) fn draw<B: Blend>(
+    tiles: &mut TileBuffer,
+    splats: &Splats,
+    near: Option<&NearView>,
+    [cut, stop]: [f32; 2],
+) -> u64 {
+    let mut drawn = 0;
+    for k in 0..splats.count.min(BLOCK) {
+        let j = usize::from(splats.kept[k]) % BLOCK;
+        let [red, green, blue, peak] = splats.looks[k];
+        let ([low_x, high_x], [low_y, high_y]) = splats.clipped(j, tiles.rect);
+        // Stage 1 lists only splats that reach the band; this test keeps other splats from writing outside the tiles.
+        if peak <= 0.0 || low_x > high_x || low_y > high_y {
+            continue;
+        }
+        drawn += 1;
+        let place = [[low_x >> TILE, high_x >> TILE], [low_y >> TILE, high_y >> TILE]];
+        let colour = [red, green, blue];
+        if let (Some(view), Some(kernel)) = (near, splats.near(j)) {
+            draw_near::<B>(tiles, view, kernel, peak, place, colour, stop);
+            continue;
+        }
+        let kernel = SplatKernel { centre: splats.centre(j), ellipse: splats.ellipse(j), cut, peak };
+        if peak <= SMALL_DEPTH {
+            draw_splat::<B, true>(tiles, &kernel, place, colour, stop);
+        } else {
+            draw_splat::<B, false>(tiles, &kernel, place, colour, stop);
+        }
+    }
+    drawn
+}
+
+/// Draws a splat on tile columns `left..=right`, tile rows `top..=bottom`. `IS_SMALL`: its peak is up to
+/// [`SMALL_DEPTH`].
+#[inline(always)]
+fn draw_splat<B: Blend, const IS_SMALL: bool>(
+    tiles: &mut TileBuffer,
+    kernel: &SplatKernel,
+    [[left, right], [top, bottom]]: [[i32; 2]; 2],
+    colour: [f32; 3],
+    stop: f32,
+) {
+    let root = kernel.ellipse.u_factor.sqrt();
+    for row in top..bottom + 1 {
+        let tile_row = kernel.tile_row(root, row);
+        let (mut from, mut to) = (left, right);
+        if right - left >= WIDE {
+            let [first, last] = kernel.chord(row);
+            (from, to) = (from.max(first), to.min(last));
+        }
+        for column in from..to + 1 {
+            let Some((index, tile)) = tiles.tile(column, row) else { continue };
+            let mut amounts = kernel.depths(root, &tile_row, column);
+            for i in 0..TILE_PIXELS {
+                amounts[i] = B::amount::<IS_SMALL>(amounts[i]);
+            }
+            if !tile.blend::<B>(&amounts, colour, stop) {
+                tiles.freeze(index, column, row);
+            }
+        }
+    }
+}
+
+/// Draws a voxel near the eye on tile columns `left..=right`, tile rows `top..=bottom`.
+#[inline(always)]
+fn draw_near<B: Blend>(
+    tiles: &mut TileBuffer,
+    view: &NearView,
+    kernel: &NearKernel,
+    peak: f32,
+    [[left, right], [top, bottom]]: [[i32; 2]; 2],
+    colour: [f32; 3],
+    stop: f32,
+) {
+    for row in top..bottom + 1 {
+        for column in left..right + 1 {
+            let Some((index, tile)) = tiles.tile(column, row) else { continue };
+            let (mut columns, mut rows) = ([0; TILE_PIXELS], [0; TILE_PIXELS]);
+            for i in 0..TILE_PIXELS {
+                (columns[i], rows[i]) = ((column << TILE) + COLUMN[i] as i32, (row << TILE) + ROW[i] as i32);
+            }
+            let mut amounts = view.depths(kernel, &view.rays(columns, rows), peak);
+            for i in 0..TILE_PIXELS {
+                amounts[i] = B::amount::<false>(amounts[i]);
+            }
+            if !tile.blend::<B>(&amounts, colour, stop) {
+                tiles.freeze(index, column, row);
+            }
+        }
+    }
+}
+
+/// A splat is wide if its last tile in a row is at least this many tiles after the first one. Only then does finding
+/// the tiles that its ellipse meets save time.
+const WIDE: i32 = 3;
