@@ -59,7 +59,7 @@ fn views_along_an_axis_are_right_either_way() {
 }
 
 /// Views along diagonals, and a rounding to either side. The nesting that is chosen is the same every time; colours of
-/// the two nestings at a tie differ by what splats that overlap do (up to 3.46 voxels out of order). Blocks are worse than
+/// the two nestings at a tie differ by what splats that overlap do (up to 4.04 voxels out of order). Blocks are worse than
 /// single voxels: a whole face of one colour then lies before the other colour in one nesting and behind it in the other.
 #[test]
 fn tied_axes_are_drawn_alike_on_both_sides_of_the_tie() {

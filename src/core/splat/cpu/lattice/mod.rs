@@ -22,6 +22,10 @@
 
 mod choose;
 mod footprints;
+mod low_pass;
+mod parallel;
+mod perspective;
+mod resolution;
 mod tile_rays;
 pub(super) mod warp;
 
@@ -29,6 +33,7 @@ use bytemuck::Zeroable;
 use glam::{DMat3, DVec3};
 
 pub(super) use self::footprints::Footprints;
+use self::low_pass::LowPass;
 pub(super) use self::tile_rays::{TileRays, near_weight};
 use super::front::Front;
 use super::project::nearest_pixel;
@@ -62,19 +67,6 @@ pub(super) struct Lattice {
 pub(super) struct Tiles {
     pub(super) first: u16,
     pub(super) count: u16,
-}
-
-/// How a plane is filtered where voxels are small. Pairs are along columns and along rows of the plane.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct LowPass {
-    /// How often the drawn plane is halved, which turns two pixels into one, before it is warped.
-    pub(super) halvings: [u32; 2],
-    /// Covariance (xx, xy, yy) of the Gaussian that is left to do, in square pixels of the picture.
-    pub(super) covariance: [f64; 3],
-    /// Whether it is so wide, in the picture's middle, that it may take the plane's pixels as they are.
-    pub(super) is_wide: [bool; 2],
-    /// Standard deviation of the whole filter, in pixels of the picture.
-    pub(super) deviation: f64,
 }
 
 /// How the plane's pixels are rays through the slices. Pairs are along the fast and the medium axis, in voxels.

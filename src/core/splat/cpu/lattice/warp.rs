@@ -19,7 +19,8 @@ use std::ops::Range;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x4, f32x16, f64x8, i32x16};
 
-use super::{Lattice, LowPass};
+use super::Lattice;
+use super::low_pass::LowPass;
 use crate::error::Result;
 use crate::parallel::in_parts;
 use crate::splat::Frame;

@@ -1,0 +1,183 @@
+//! The lattice of a perspective: its pixels are rays from the eye.
+//!
+//! In: what is to be shown. Out: the plane, or none if the eye is among or near the slices, if they are seen too obliquely, or if the
+//! angle of view is so wide that kernels are uneven.
+
+use glam::{DMat3, DVec3};
+
+use super::choose::Subject;
+use super::low_pass::LowPass;
+use super::resolution::RaysBeside;
+use super::warp::MOST_ASIDE;
+use super::{Lattice, Rays};
+use crate::splat::kernel::LOW_PASS;
+use crate::splat::near::NEAR;
+use crate::splat::view::PixelMap;
+use crate::traverse::Viewpoint;
+
+/// Least distance from the eye to the nearest slice, in voxels: nearer slices are seen under too many angles.
+const NEAREST: f64 = 8.0;
+/// How many times as long a pixel may be one way as the other. In a perspective, which may run along an axis in its middle, 1.5 lost
+/// 1.6 dB (azimuth 90, elevation 0).
+const LONGEST: f64 = 1.25;
+/// Tangent of half of 75 degrees, and some rounding: above it an angle of view is wide, and the limits below hold.
+const WIDE_ANGLE: f64 = 0.768;
+/// Least width of a footprint, in pixels, for which they hold: that of the low-pass on sixteen samples a pixel's side.
+const LEAST_FOOTPRINT: f64 = 0.0375;
+// Pairs are for `Sampling::Enough` and `Sampling::Fewest`.
+/// The most that [`unevenness`] may be at any corner of the box, in kernels. Measured: docs/studies/sampling.md.
+const MOST_UNEVEN: [f64; 2] = [0.015, 0.036];
+/// Largest standard deviation of the filter where the picture shows the box of the voxels: the warp takes four pixels on each side.
+/// Drafts had 28 dB where it was above 100, and 33 dB at 8.
+const WIDEST: [f64; 2] = [3.0, 8.0];
+/// Least standard deviation where the picture shows the box, along an axis that takes the plane's pixels as they are: below, weights
+/// are those of one pixel, or alike for eight.
+const NARROWEST: [f64; 2] = [0.5, 0.3];
+
+/// Returns the plane, if there is one.
+pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
+    let Subject { view, nested, low, high, reach, kernel, .. } = *subject;
+    let (PixelMap::Perspective { camera_from_voxel, focal, centre, .. }, Viewpoint::Perspective { eye, .. }) =
+        (&view.map, view.viewpoint)
+    else {
+        return None;
+    };
+    let eye = nested.map(|axis| eye[axis]);
+    // Away from the eye, slices come in this direction.
+    let away = if low[0] > eye[0] { 1.0 } else { -1.0 };
+    let distances = [low[0], high[0]].map(|slow| away * (slow - eye[0]));
+    let (nearest, farthest) = (distances[0].min(distances[1]), distances[0].max(distances[1]));
+    let forward = &camera_from_voxel[2];
+    let along = |n: usize| (forward[nested[n]] * low[n]).min(forward[nested[n]] * high[n]);
+    let nearest_depth = forward[3] + along(0) + along(1) + along(2);
+    // A clip cuts slices where the view does not run along the slow axis.
+    if nearest < NEAREST || view.clip > nearest_depth {
+        return None;
+    }
+    let column = |axis: usize| DVec3::from_array([0, 1, 2].map(|row: usize| camera_from_voxel[row][axis]));
+    let to_end = [0, 1, 2].map(|n: usize| [low[n], high[n]].map(|end| column(nested[n]) * end));
+    // From the eye to the corners of the box.
+    let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner: usize| {
+        let at = |n: usize| to_end[n][corner >> n & 1];
+        at(0) + at(1) + at(2) + column(3)
+    });
+    // The lattice is finer in near slices and coarser in far ones. Where these show all detail, it is fine enough there.
+    // Toward the edges of a wide angle, the picture is stretched.
+    let middle = 0.5 * (nearest + farthest);
+    let tangent = 0.5 * f64::from(view.size[0].max(view.size[1])) / focal;
+    let to_centre: DVec3 = to_end.as_flattened().iter().sum::<DVec3>() * 0.5 + column(3);
+    let distance = to_centre.length();
+    // Those farthest away, beside the faces of the box.
+    let slopes = [1, 2].map(|n: usize| {
+        let beside = [low[n], high[n]].map(|end| (end - eye[n]).abs());
+        beside[0].min(beside[1]) / farthest
+    });
+    let rays = RaysBeside { slopes, slice: distance / middle };
+    let step = [1, 2].map(|n: usize| {
+        let largest_step = focal / distance * column(nested[n]).length() * (1.0 + tangent * tangent);
+        let per_voxel = |step: f64, is_far| subject.resolution.per_voxel(n - 1, &rays, step, is_far);
+        let finest = per_voxel(largest_step, false) * middle;
+        1.0 / finest.max(per_voxel(largest_step * middle / farthest, true) * farthest)
+    });
+    let step = step.map(|side| side.min(LONGEST * step[0].min(step[1])));
+    // From a pixel's ray, in camera coordinates, to voxels along the slow (away from the eye), fast and medium axis.
+    let steps = [column(nested[0]) * away, column(nested[1]), column(nested[2])];
+    let camera_from_pixel = DMat3::from_cols(
+        DVec3::new(1.0 / focal, 0.0, 0.0),
+        DVec3::new(0.0, -1.0 / focal, 0.0),
+        DVec3::new(-centre[0] / focal, centre[1] / focal, 1.0),
+    );
+    let voxel_from_pixel = DMat3::from_cols(steps[0], steps[1], steps[2]).inverse() * camera_from_pixel;
+    let [columns, rows] = view.size.map(f64::from);
+    // How far a place moves on the plane, along its columns and its rows, per column and per row of the picture.
+    let moves = |[x, y]: [f64; 2]| {
+        let at = voxel_from_pixel * DVec3::new(x, y, 1.0);
+        let column = |k: usize| voxel_from_pixel.col(k);
+        let along = |side: usize, k: usize| column(k)[side] - at[side] / at[0] * column(k)[0];
+        [1, 2].map(|side: usize| [0, 1].map(|k| along(side, k) / (at[0] * step[side - 1])))
+    };
+    let low_pass = LowPass::new(moves([0.5 * columns, 0.5 * rows]), subject.width)?;
+    // Of voxels that are smaller still, no other way of sampling has enough samples.
+    let is_wide_angle = 0.5 * f64::from(view.size[1]) / focal > WIDE_ANGLE && subject.width > LEAST_FOOTPRINT;
+    if is_wide_angle {
+        // An x-ray is not steep at outlines, as opaque matter is.
+        let most = if subject.is_sum { MOST_UNEVEN[1] } else { subject.of_sampling(MOST_UNEVEN) };
+        let voxel_steps = DMat3::from_cols(column(0), column(1), column(2));
+        if corners.iter().any(|toward| f64::from(kernel.sigma) * unevenness(*toward, voxel_steps) > most) {
+            return None;
+        }
+    }
+    let on_picture =
+        |corner: &DVec3| [centre[0] + focal * corner.x / corner.z, centre[1] - focal * corner.y / corner.z];
+    let ends = part_of_picture(&corners, on_picture, [columns, rows]);
+    if !ends.into_iter().all(|end| is_filtered(subject, &low_pass, moves(end), is_wide_angle)) {
+        return None;
+    }
+    let shown = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
+        .map(|[across, down]: [f64; 2]| (voxel_from_pixel * DVec3::new(across - 0.5, down - 0.5, 1.0)).to_array());
+    let all_meet = shown.iter().all(|[slow, fast, medium]| *slow > 0.05 * fast.hypot(*medium));
+    let (mut size, mut first) = ([0; 2], [0.0; 2]);
+    for side in 0..2 {
+        let slope = |at: f64, distance: f64| (at - eye[1 + side]) / distance;
+        let (box_low, box_high) = (low[1 + side] - 2.0 * reach, high[1 + side] + 2.0 * reach);
+        let mut low = slope(box_low, nearest).min(slope(box_low, farthest));
+        let mut high = slope(box_high, nearest).max(slope(box_high, farthest));
+        if all_meet {
+            let shown = shown.map(|corner| corner[1 + side] / corner[0]);
+            low = low.max(shown.into_iter().fold(f64::INFINITY, f64::min) - 2.0 * step[side]);
+            high = high.min(shown.into_iter().fold(-f64::INFINITY, f64::max) + 2.0 * step[side]);
+        }
+        let (pixel, count) = low_pass.pixels_between(side, low / step[side], high / step[side])?;
+        (first[side], size[side]) = (pixel * step[side], count);
+    }
+    let row = |index: usize| voxel_from_pixel.row(index);
+    let plane = [0, 1].map(|side| ((row(1 + side) - row(0) * first[side]) / step[side]).to_array());
+    let plane_from_pixel = [plane[0], plane[1], row(0).to_array()];
+    let strength = f64::from(kernel.normalisation()) / f64::from(kernel.sigma).powi(2);
+    let rays = Rays::Perspective { eye, first, step, steps, strength };
+    Some(subject.lattice(size, plane_from_pixel, low_pass, rays))
+}
+
+/// Returns the corners of the part of the picture that shows a box; of all of it if a corner of the box is beside the eye or
+/// behind it. `corners`: those of the box, from the eye; `size`: the picture's.
+fn part_of_picture(corners: &[DVec3; 8], on_picture: impl Fn(&DVec3) -> [f64; 2], size: [f64; 2]) -> [[f64; 2]; 4] {
+    let (mut low, mut high) = ([0.0; 2], size);
+    if corners.iter().all(|corner| corner.z > 0.0) {
+        (low, high) = (size, [0.0; 2]);
+        for place in corners.iter().map(on_picture) {
+            for side in 0..2 {
+                let place = place[side].clamp(0.0, size[side]);
+                (low[side], high[side]) = (low[side].min(place), high[side].max(place));
+            }
+        }
+    }
+    [[low[0], low[1]], [low[0], high[1]], [high[0], low[1]], [high[0], high[1]]]
+}
+
+/// Returns whether the warp filters well where the picture's pixels are so far apart on the plane.
+fn is_filtered(subject: &Subject, low_pass: &LowPass, moves: [[f64; 2]; 2], is_wide_angle: bool) -> bool {
+    let is_mixed = low_pass.is_wide[0] != low_pass.is_wide[1];
+    [0, 1].into_iter().all(|side: usize| {
+        let moved = moves[side][0].hypot(moves[side][1]) / f64::from(1u32 << low_pass.halvings[side]);
+        let most = if is_mixed && !low_pass.is_wide[side] { MOST_ASIDE } else { subject.of_sampling(WIDEST) };
+        // Toward the edges of a wide angle, even voxels that are wide in the middle are as narrow as the low-pass.
+        let deviation = if is_wide_angle { f64::from(LOW_PASS) } else { low_pass.deviation };
+        let least = subject.of_sampling(NARROWEST);
+        let is_drawn = !is_wide_angle || !low_pass.is_wide[side] || low_pass.deviation * moved >= least;
+        deviation * moved <= most && is_drawn
+    })
+}
+
+/// Returns by what fraction the perspective shrinks the side of a kernel that is away from the eye, at one voxel from its centre along
+/// the direction in which its footprint is slanted: 0 in the middle of the picture; of a kernel as round as its voxels, the sine of
+/// the angle from there over the distance from the eye's plane, in voxels.
+///
+/// `toward`: from the eye to the kernel, to the right, upward and forward; `steps`: those of the voxels, in columns.
+fn unevenness(toward: DVec3, steps: DMat3) -> f64 {
+    let forward = steps.row(2);
+    // Nearer voxels are integrated along rays in every picture.
+    let depth = toward.z.max(NEAR * forward.length());
+    let outward =
+        steps.transpose() * DVec3::new(toward.x * depth, toward.y * depth, -toward.truncate().length_squared());
+    outward.dot(forward).abs() / (outward.length() * depth).max(f64::MIN_POSITIVE)
+}
