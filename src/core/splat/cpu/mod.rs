@@ -1,8 +1,14 @@
 //! The renderer on the processor.
 //!
-//! In: a scene, a camera, settings. Out: a frame and statistics of the work. Threads draw bands: ranges of rows or columns
-//! of the picture, or rows of the lattice. Each band walks the whole lane (all scan lines along one axis). The picture has
-//! the same bits for any number of threads and any instruction set.
+//! In: a scene, a camera, settings. Out: a frame and statistics of the work.
+//!
+//! ```text
+//! draft and standard, if a lattice is worthwhile    lattice -> gather (tiles take the voxels in front of them) -> warp
+//! all other pictures                                scatter (voxels change the tiles that they reach)
+//! ```
+//!
+//! Threads draw bands: ranges of rows or columns of the picture, or rows of the lattice. Each band walks the whole lane (all scan
+//! lines along one axis). The picture has the same bits for any number of threads and any instruction set.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -17,6 +23,7 @@ mod faint;
 mod front;
 mod gather;
 mod lattice;
+mod looks;
 mod memory;
 mod plain;
 pub(crate) mod project;
@@ -25,6 +32,7 @@ pub(crate) mod splats;
 pub(crate) mod task;
 pub(crate) mod tile_buffer;
 pub(crate) mod voxel_block;
+mod warp;
 
 use std::time::{Duration, Instant};
 
@@ -33,7 +41,7 @@ pub use self::scatter::visible::VisibleRecords;
 
 use self::blend::{Additive, BackToFront, Blend, FrontToBack, LinearFrontToBack};
 use self::front::Front;
-use self::lattice::{Lattice, warp};
+use self::lattice::Lattice;
 use self::project::Projector;
 use self::task::{BandStats, DrawTask, assemble, full_rect, pixels};
 use self::tile_buffer::Rect;

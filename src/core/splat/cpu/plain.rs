@@ -5,13 +5,13 @@
 //! Tests check that both give equal bits.
 
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
-use super::lattice::warp::halved;
 use super::lattice::{Footprints, Lattice, TileRays};
 use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pixel_span, slant, widened};
 use super::scatter::maximum::{Rays, advance};
 use super::splats::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, combine, full_rect};
 use super::tile_buffer::{Rect, TILE, TileBuffer};
+use super::warp::halved;
 use crate::arena::layout::Channels;
 use crate::classify::normal::{self, Coherence};
 use crate::error::Result;

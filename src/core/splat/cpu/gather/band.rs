@@ -19,13 +19,12 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::time::Instant;
 
-use super::lists::{FULL, Lists, TOGETHER};
+use super::lists::Lists;
 use super::look_tables::LookTables;
 use super::scan_line::{OneWay, ends, same};
-use super::slab::{Line, Slab};
+use super::slab::Slab;
 use super::spans::Spans;
 use super::stamps::Stamps;
-use super::tile_composite::Weights;
 use crate::error::Result;
 use crate::splat::Code;
 use crate::splat::cpu::bit_rows::BitRows;
@@ -105,11 +104,11 @@ pub(in super::super) struct Band<'a, B> {
     blend: PhantomData<B>,
     /// Selects the instruction set.
     code: Code,
-    lattice: &'a Lattice,
-    first_row: i32,
+    pub(super) lattice: &'a Lattice,
+    pub(super) first_row: i32,
     /// Number of columns and rows of tiles.
-    columns: usize,
-    rows: usize,
+    pub(super) columns: usize,
+    pub(super) rows: usize,
     pub(super) pixels: TileBuffer,
     slow: Option<u16>,
     slice: Slice,
@@ -125,17 +124,17 @@ pub(in super::super) struct Band<'a, B> {
     voxels: Box<VoxelBlock>,
     /// Tables of looks and of light, in a parallel view with many voxels on points of the grid.
     tables: Option<&'a LookTables>,
-    slab: Slab,
+    pub(super) slab: Slab,
     /// The stamps of a parallel view of voxels on points of the grid.
-    stamps: Option<Stamps>,
+    pub(super) stamps: Option<Stamps>,
     /// What voxels beside the points of the grid weigh in a parallel view.
-    footprints: Option<&'a Footprints>,
+    pub(super) footprints: Option<&'a Footprints>,
     /// Which voxels reach the tiles in a perspective, if voxels lie on points of the grid.
-    spans: Option<Spans>,
-    lists: Lists,
+    pub(super) spans: Option<Spans>,
+    pub(super) lists: Lists,
     /// How many splats tiles took of the slab at hand, and in how many visits.
-    taken: u64,
-    visits: u64,
+    pub(super) taken: u64,
+    pub(super) visits: u64,
     /// Number of splats drawn.
     drawn: u64,
 }
@@ -430,128 +429,5 @@ impl<'a, B: Blend> Band<'a, B> {
         }
         self.drawn += looks.iter().filter(|look| look[3] > 0.0).count() as u64;
         voxels.count = 0;
-    }
-
-    /// Lets all open tiles take the voxels of the slab.
-    #[inline(always)]
-    pub(in super::super) fn take_all(&mut self, projector: &Projector) {
-        self.find_runs();
-        let spans = self.spans.take();
-        for row in 0..self.rows {
-            if self.slab.lines_of(row) == 0 {
-                continue;
-            }
-            match &self.stamps {
-                None => self.take_row::<false, false>(projector, row, spans.as_ref()),
-                Some(stamps) if stamps.depth.is_none() => self.take_row::<true, false>(projector, row, None),
-                Some(_) => self.take_row::<true, true>(projector, row, None),
-            }
-        }
-        self.spans = spans;
-        self.slab.clear(self.taken, self.visits);
-        (self.taken, self.visits) = (0, 0);
-    }
-
-    /// Finds the runs of the slab's voxels and the tiles that they may reach, if they lie on points of the grid.
-    #[inline(always)]
-    fn find_runs(&mut self) {
-        let Band { slab, stamps, spans, columns, .. } = self;
-        if let Some(stamps) = stamps {
-            slab.find_runs(|slice, fasts| stamps.columns(slice, fasts, *columns));
-        } else if let Some(spans) = spans {
-            slab.find_runs(|slice, fasts| spans.columns(slice, fasts));
-        }
-    }
-
-    /// Lets the open tiles of a row take the voxels of the lines that reach it.
-    #[inline(always)]
-    fn take_row<const STAMPED: bool, const ONE_DEPTH: bool>(
-        &mut self,
-        projector: &Projector,
-        row: usize,
-        spans: Option<&Spans>,
-    ) {
-        self.lists.begin_row(self.columns, |column| self.pixels.open.get(row, column));
-        let all = [0, self.columns];
-        for index in 0..self.slab.lines_of(row) {
-            let line = *self.slab.line(row, index);
-            if let (true, Some(stamps)) = (STAMPED, &self.stamps) {
-                if let Some(span) = stamps.span(line.slice, line.medium, self.first_row + row as i32) {
-                    self.take_line::<STAMPED, ONE_DEPTH>(projector, row, &line, |column| span.of_column(column));
-                }
-                continue;
-            }
-            if let Some(spans) = spans {
-                if spans.reach_row(line.slice, line.medium, row) {
-                    let span = |column| spans.of_column(line.slice, column);
-                    self.take_line::<STAMPED, ONE_DEPTH>(projector, row, &line, span);
-                }
-                continue;
-            }
-            for first in (line.splats[0]..line.splats[1]).step_by(TOGETHER) {
-                let splats = [first, line.splats[1].min(first + TOGETHER as u32)];
-                if self.put_each(row, &Line { splats, ..line }) & FULL != 0 {
-                    self.take::<STAMPED, ONE_DEPTH>(projector, row, all, FULL);
-                }
-            }
-        }
-        self.take::<STAMPED, ONE_DEPTH>(projector, row, all, 1);
-    }
-
-    /// Puts the splats of a line, run by run, on the lists of the tiles that they reach, and lets tiles with full lists take theirs.
-    /// `span` returns the first and the last voxel along the fast axis that reach a column of tiles.
-    #[inline(always)]
-    fn take_line<const STAMPED: bool, const ONE_DEPTH: bool>(
-        &mut self,
-        projector: &Projector,
-        row: usize,
-        line: &Line,
-        span: impl Fn(usize) -> [i32; 2],
-    ) {
-        for run in line.runs[0]..line.runs[1] {
-            let Some(run) = self.slab.run(run) else { break };
-            if self.lists.put_run(&run, &span) & FULL != 0 {
-                self.take::<STAMPED, ONE_DEPTH>(projector, row, run.columns.map(usize::from), FULL);
-            }
-        }
-    }
-
-    /// Puts the splats of a line on the lists of a row's tiles, one by one. Returns a number with the bits of these lists'
-    /// lengths.
-    #[inline(always)]
-    fn put_each(&mut self, row: usize, line: &Line) -> u32 {
-        let Band { slab, lists, first_row, .. } = self;
-        let row = (*first_row + row as i32) as u16;
-        let (columns, rows) = slab.tiles(line);
-        let mut lengths = 0;
-        for ((splat, columns), rows) in (line.splats[0]..).zip(columns).zip(rows) {
-            if row.wrapping_sub(rows.first) < rows.count {
-                lengths |= lists.put(columns.first.into(), columns.count.into(), splat);
-            }
-        }
-        lengths
-    }
-
-    /// Lets those tiles of a row, from the first column to before the second, with at least this many splats on their lists take
-    /// them.
-    #[inline(always)]
-    fn take<const STAMPED: bool, const ONE_DEPTH: bool>(
-        &mut self,
-        projector: &Projector,
-        row: usize,
-        [first, end]: [usize; 2],
-        least: u32,
-    ) {
-        let weights = Weights { stamps: self.stamps.as_ref(), footprints: self.footprints, lattice: self.lattice };
-        for column in first..end {
-            let Some(splats) = self.lists.take(column, least) else { continue };
-            self.taken += splats.len() as u64;
-            self.visits += 1;
-            let place = [column as i32, self.first_row + row as i32];
-            if !weights.blend::<B, STAMPED, ONE_DEPTH>(projector, &self.slab, splats, &mut self.pixels, place) {
-                self.pixels.open.clear(row, column);
-                self.lists.close(column);
-            }
-        }
     }
 }

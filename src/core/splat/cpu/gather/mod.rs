@@ -10,6 +10,7 @@ mod scan_line;
 mod slab;
 mod spans;
 mod stamps;
+mod take;
 mod tile_composite;
 
 use self::band::Band;

@@ -25,13 +25,13 @@ const LEAST_ACROSS: f64 = 0.45;
 #[derive(Debug, Clone, Copy)]
 pub(in super::super) struct LowPass {
     /// How often the drawn plane is halved, which turns two pixels into one, before it is warped.
-    pub(super) halvings: [u32; 2],
+    pub(in super::super) halvings: [u32; 2],
     /// Covariance (xx, xy, yy) of the Gaussian that is left to do, in square pixels of the picture.
-    pub(super) covariance: [f64; 3],
+    pub(in super::super) covariance: [f64; 3],
     /// Whether it is so wide, in the picture's middle, that it may take the plane's pixels as they are.
-    pub(super) is_wide: [bool; 2],
+    pub(in super::super) is_wide: [bool; 2],
     /// Standard deviation of the whole filter, in pixels of the picture.
-    pub(super) deviation: f64,
+    pub(in super::super) deviation: f64,
 }
 
 impl LowPass {

@@ -27,13 +27,12 @@ mod parallel;
 mod perspective;
 mod resolution;
 mod tile_rays;
-pub(super) mod warp;
 
 use bytemuck::Zeroable;
 use glam::{DMat3, DVec3};
 
 pub(super) use self::footprints::Footprints;
-use self::low_pass::LowPass;
+pub(super) use self::low_pass::LowPass;
 pub(super) use self::tile_rays::{TileRays, near_weight};
 use super::front::Front;
 use super::project::nearest_pixel;

@@ -1,0 +1,148 @@
+//! The looks of voxels: colour and optical depth by code, with light.
+//!
+//! In: the records of a block's voxels that are drawn. Out: their colours and optical depths.
+
+use super::project::{LANES, Projector};
+use super::voxel_block::{BLOCK, Coordinates, VoxelBlock};
+use crate::arena::layout::Channels;
+use crate::classify::normal::{self, Coherence};
+use crate::splat::arith::at_least;
+use crate::splat::composite::Look;
+use crate::splat::shade::Lights;
+use crate::splat::view::PixelMap;
+
+impl Projector<'_> {
+    /// Computes the looks, with light, of the voxels of a block whose numbers are in `kept`.
+    #[inline(always)]
+    pub(super) fn colour(&self, voxels: &VoxelBlock, kept: &[u8], looks: &mut [Look]) {
+        // The most common kind of look table is recognised once here, not for every voxel.
+        let table = self.table.of_bytes().filter(|_| self.lane.channels.value_bits == 8 && self.is_on_grid());
+        for (look, &j) in looks.iter_mut().zip(kept) {
+            let record = voxels.records[usize::from(j) % BLOCK];
+            *look = match table {
+                Some(table) => table[usize::from(self.short_value(record))],
+                None => self.look(record),
+            };
+        }
+        if let Some(lights) = &self.lights {
+            let Channels { normal_bits, coherence, .. } = self.lane.channels;
+            let codes = self.normal_codes(voxels, kept);
+            let normals = self.normals(&codes, kept.len());
+            let coherences = coherence.then(|| codes.map(|code| Coherence::of_code(code, normal_bits)));
+            self.light(lights, (&normals, coherences.as_ref()), &voxels.positions, kept, looks);
+        }
+    }
+
+    /// Returns the value code of a record, in a lane whose values have 8 bits.
+    #[inline(always)]
+    pub(super) fn short_value(&self, record: usize) -> u8 {
+        match self.lane.values.get(record) {
+            Some(&code) => code,
+            None => self.lane.value_code(record) as u8,
+        }
+    }
+
+    /// Returns the normal code of a record, in a lane whose normals have 8 bits a component.
+    #[inline(always)]
+    pub(super) fn short_normal(&self, record: usize) -> u16 {
+        match self.lane.normals.as_chunks::<2>().0.get(record) {
+            Some(&code) => u16::from_le_bytes(code),
+            None => self.lane.normal_code(record) as u16,
+        }
+    }
+
+    /// Returns the look (colour and optical depth) of a record's voxel, of which only a part may be visible.
+    #[inline(always)]
+    pub(super) fn look(&self, record: usize) -> Look {
+        let magnitude = if self.table.needs_magnitude() { self.lane.magnitude_code(record) } else { 0 };
+        let [red, green, blue, depth] = self.table.look(self.lane.value_code(record), magnitude);
+        [red, green, blue, depth * self.lane.coverage(record).share]
+    }
+
+    /// Returns the codes of the kept voxels' normals.
+    #[inline(always)]
+    fn normal_codes(&self, voxels: &VoxelBlock, kept: &[u8]) -> [u32; BLOCK] {
+        let mut codes = [0u32; BLOCK];
+        let is_short = self.lane.channels.normal_bits == 8;
+        for (code, &j) in codes.iter_mut().zip(kept) {
+            let record = voxels.records[usize::from(j) % BLOCK];
+            *code = if is_short { self.short_normal(record).into() } else { self.lane.normal_code(record) };
+        }
+        codes
+    }
+
+    /// Returns the x, y and z components of the unit normals of the first `count` codes.
+    #[inline(always)]
+    fn normals(&self, codes: &[u32; BLOCK], count: usize) -> [[f32; BLOCK]; 3] {
+        let mut normals = [[0.0f32; BLOCK]; 3];
+        if self.lane.channels.normal_bits == 8 {
+            for from in (0..count.min(BLOCK)).step_by(LANES) {
+                let mut parts = [[0.0; LANES]; 3];
+                for k in 0..LANES {
+                    [parts[0][k], parts[1][k], parts[2][k]] = normal::decode8(codes[from + k] as u16);
+                }
+                for (normals, parts) in normals.iter_mut().zip(&parts) {
+                    normals[from..from + LANES].copy_from_slice(parts);
+                }
+            }
+        } else {
+            for k in 0..BLOCK {
+                [normals[0][k], normals[1][k], normals[2][k]] = normal::decode16(codes[k]);
+            }
+        }
+        normals
+    }
+
+    /// Applies the light to the colours of the voxels whose numbers are in `kept`, by their unit normals and by how alike the normals
+    /// are that each stands for.
+    #[inline(always)]
+    pub fn light<C: Coordinates>(
+        &self,
+        lights: &Lights,
+        (normals, coherences): (&[[f32; BLOCK]; 3], Option<&[Coherence; BLOCK]>),
+        positions: &C,
+        kept: &[u8],
+        looks: &mut [Look],
+    ) {
+        let count = kept.len().min(BLOCK);
+        let mut shades = [[0.0f32; BLOCK]; 2];
+        if let PixelMap::Parallel { .. } = self.map {
+            let lights = *lights;
+            for from in (0..count).step_by(LANES) {
+                let mut parts = [[0.0; LANES]; 2];
+                for k in 0..LANES {
+                    let normal = [normals[0][from + k], normals[1][from + k], normals[2][from + k]];
+                    [parts[0][k], parts[1][k]] = lights.shade(normal, lights.eye);
+                }
+                for (shades, parts) in shades.iter_mut().zip(&parts) {
+                    shades[from..from + LANES].copy_from_slice(parts);
+                }
+            }
+        } else {
+            let [s, m, f] = self.nesting;
+            let mut toward_eye = [[0.0f32; BLOCK]; 3];
+            for k in 0..count {
+                let [slow, medium, fast] = positions.at(usize::from(kept[k]) % BLOCK).map(|c| c as f32);
+                toward_eye[s][k] = self.eye[s] - self.steps[s] * slow;
+                toward_eye[m][k] = self.eye[m] - self.steps[m] * medium;
+                toward_eye[f][k] = self.eye[f] - self.steps[f] * fast;
+            }
+            for k in 0..count.next_multiple_of(LANES) {
+                let [x, y, z] = [toward_eye[0][k], toward_eye[1][k], toward_eye[2][k]];
+                let length = at_least(x * x + y * y + z * z, f32::MIN_POSITIVE).sqrt();
+                let normal = [normals[0][k], normals[1][k], normals[2][k]];
+                [shades[0][k], shades[1][k]] = lights.shade(normal, [x / length, y / length, z / length]);
+            }
+        }
+        if let Some(coherences) = coherences {
+            for (k, &coherence) in coherences.iter().enumerate() {
+                [shades[0][k], shades[1][k]] = lights.scatter([shades[0][k], shades[1][k]], coherence);
+            }
+        }
+        for (look, k) in looks.iter_mut().zip(0..count) {
+            let [red, green, blue, depth] = *look;
+            let [factor, highlight] = [shades[0][k], shades[1][k]];
+            *look = [red * factor + highlight, green * factor + highlight, blue * factor + highlight, depth];
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! Cubic B-splines through the plane's pixels.
+//!
+//! In: the plane. Out: the spline's coefficients, in its place; rows of the picture, at points on it.
+//!
+//! Source: Unser, Aldroubi and Eden, "B-spline signal processing", 1993: a recursive filter, then weights.
+
+use std::ops::Range;
+
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f32x4, f32x16};
+
+use super::plane::{Plane, PlanePoints, TOGETHER};
+use crate::parallel::in_parts;
+use crate::splat::arith::at_most;
+
+/// The pole of the cubic B-spline's recursive filter: sqrt(3) - 2.
+const POLE: f32 = -0.267_949_2;
+/// A factor of -6 times [`POLE`]. The two passes of the filter leave it out, and [`spline_weights`] include it instead.
+const GAIN: f32 = 6.0 * 0.267_949_2;
+
+/// Returns the weights, times [`GAIN`], of four neighbouring coefficients at points `t` (0 to 1) past the second one.
+#[inline(always)]
+pub(super) fn spline_weights<S: Simd>(t: f32x16<S>) -> [[f32; TOGETHER]; 4] {
+    let s = 1.0 - t;
+    let [a, d] = [s * s * s * (GAIN / 6.0), t * t * t * (GAIN / 6.0)];
+    let [b, c] = [2.0 / 3.0 - t * t * (2.0 - t) / 2.0, 2.0 / 3.0 - s * s * (2.0 - s) / 2.0];
+    [a.to_array(), (b * GAIN).to_array(), (c * GAIN).to_array(), d.to_array()]
+}
+
+/// How many rows the filter takes at once: two full vectors, which hides that each pixel waits for the one before.
+const ROWS: usize = 8;
+
+/// Applies the recursive filter to rows of `len` numbers, to the right and back, within a range of columns. With
+/// [`filter_columns`] it turns samples into the coefficients of the B-spline through them, divided by the square of
+/// [`GAIN`]. Beyond the range, samples are 0.
+pub(super) fn filter_rows(rows: &mut [f32], len: usize, columns: Range<usize>, level: Level, threads: usize) {
+    in_parts(rows, len, threads, |_, rows| {
+        let lines = rows.chunks_exact_mut(len).map(|row| &mut row.as_chunks_mut().0[columns.clone()]);
+        let mut lines: Vec<&mut [[f32; 4]]> = lines.collect();
+        dispatch!(level, _ => {
+            let (groups, rest) = lines.as_chunks_mut::<ROWS>();
+            groups.iter_mut().for_each(filter_lines);
+            rest.as_chunks_mut::<1>().0.iter_mut().for_each(filter_lines);
+        });
+    });
+}
+
+/// Filters lines of one length, to the right and back.
+#[inline(always)]
+fn filter_lines<const N: usize>(lines: &mut [&mut [[f32; 4]]; N]) {
+    let pixels = lines.iter().map(|line| line.len()).min().unwrap_or(0);
+    filter_along(lines, 0..pixels);
+    filter_along(lines, (0..pixels).rev());
+}
+
+#[inline(always)]
+fn filter_along<const N: usize>(lines: &mut [&mut [[f32; 4]]; N], pixels: impl Iterator<Item = usize>) {
+    let mut before = [[0.0; 4]; N];
+    for i in pixels {
+        before = next(lines.each_ref().map(|line| line[i]), before);
+        lines.iter_mut().zip(before).for_each(|(line, value)| line[i] = value);
+    }
+}
+
+/// Returns the filter's values at some pixels, from the pixels and the values before.
+#[inline(always)]
+fn next<const N: usize>(pixels: [[f32; 4]; N], before: [[f32; 4]; N]) -> [[f32; 4]; N] {
+    let mut values = [[0.0; 4]; N];
+    for i in 0..N {
+        for c in 0..4 {
+            values[i][c] = pixels[i][c] + POLE * normal(before[i][c]);
+        }
+    }
+    values
+}
+
+/// Returns 0 for what has decayed: over empty pixels the filter would go on with denormal numbers, which are slow.
+#[inline(always)]
+fn normal(value: f32) -> f32 {
+    if value.abs() < 1e-20 { 0.0 } else { value }
+}
+
+/// Applies the recursive filter to columns, downward and back; see [`filter_rows`].
+pub(super) fn filter_columns(rows: &mut [f32], len: usize, columns: Range<usize>, level: Level, threads: usize) {
+    /// Numbers of a strip's row: strips of many rows stay in the second-level cache.
+    const STRIP: usize = 128;
+    let mut strips: Vec<Vec<&mut [f32]>> = Vec::new();
+    for row in rows.chunks_exact_mut(len) {
+        for (index, part) in row[4 * columns.start..4 * columns.end].chunks_mut(STRIP).enumerate() {
+            if strips.len() == index {
+                strips.push(Vec::new());
+            }
+            strips[index].push(part);
+        }
+    }
+    in_parts(&mut strips, 1, threads, |_, strips| {
+        strips.iter_mut().for_each(|strip| dispatch!(level, _ => filter_strip(strip)));
+    });
+}
+
+#[inline(always)]
+fn filter_strip(strip: &mut [&mut [f32]]) {
+    for row in 1..strip.len() {
+        let (above, below) = strip.split_at_mut(row);
+        follow(below[0], above[row - 1]);
+    }
+    for row in (1..strip.len()).rev() {
+        let (above, below) = strip.split_at_mut(row);
+        follow(above[row - 1], below[0]);
+    }
+}
+
+#[inline(always)]
+fn follow(row: &mut [f32], before: &[f32]) {
+    for (value, before) in row.iter_mut().zip(before) {
+        *value += POLE * normal(*before);
+    }
+}
+
+/// Computes a row of the picture: the mean of the plane's spline at `points` around each pixel. The row is empty before.
+#[inline(always)]
+pub(super) fn resample<S: Simd, const POINTS: usize>(
+    simd: S,
+    from: &Plane,
+    map: &[[f64; 3]; 3],
+    points: &[[f64; 2]; POINTS],
+    most: f32,
+    y: f64,
+    row: &mut [[f32; 4]],
+) {
+    let line = |[dx, dy]: [f64; 2], x: f64| map.map(|[a, b, c]| [a, (x + dx) * a + (b * (y + dy) + c)]);
+    let seen = points.map(|point| from.columns_seen(line(point, 0.0), row.len()));
+    let seen = seen.into_iter().filter(|columns| !columns.is_empty());
+    let columns = seen.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or_default();
+    let rows = from.rows();
+    for first in columns.clone().step_by(TOGETHER) {
+        let pixels = &mut row[first..columns.end.min(first + TOGETHER)];
+        let mut at = [PlanePoints::at_zero(simd); POINTS];
+        let mut weights = [[[[0.0; TOGETHER]; 4]; 2]; POINTS];
+        let mut near = 0;
+        for (at, point) in at.iter_mut().zip(points) {
+            *at = PlanePoints::of(simd, line(*point, first as f64), from);
+            near |= at.near;
+        }
+        if near == 0 {
+            continue;
+        }
+        for (at, weights) in at.iter().zip(&mut weights) {
+            *weights = [spline_weights(at.fraction[0]), spline_weights(at.fraction[1])];
+        }
+        for (i, pixel) in pixels.iter_mut().enumerate() {
+            if near >> i & 1 == 0 {
+                continue;
+            }
+            let mut sum = f32x4::splat(simd, 0.0);
+            for (at, [across, down]) in at.iter().zip(&weights) {
+                if POINTS == 1 || at.near >> i & 1 == 1 {
+                    let first = (at.pixel[i] as usize).wrapping_sub(from.columns + 1);
+                    sum += weighted(simd, &rows, first, [across, down], i);
+                }
+            }
+            *pixel = in_range(sum * (1.0 / POINTS as f32), most);
+        }
+    }
+}
+
+/// Returns the sum of four columns and rows of values, from index `first` on, times weights number `i` of each column and row.
+#[inline(always)]
+pub(super) fn weighted<S: Simd>(
+    simd: S,
+    rows: &[&[[f32; 4]]; 4],
+    first: usize,
+    [across, down]: [&[[f32; TOGETHER]; 4]; 2],
+    i: usize,
+) -> f32x4<S> {
+    // Sums down the columns first: all four columns and colours together fill a vector.
+    let mut sums = f32x16::splat(simd, 0.0);
+    for k in 0..4 {
+        let Some(values): Option<&[[f32; 4]; 4]> = rows[k].get(first..).and_then(<[_]>::first_chunk) else { break };
+        sums += f32x16::from_slice(simd, values.as_flattened()) * down[k][i];
+    }
+    let (left, right) = sums.split();
+    let ((a, b), (c, d)) = (left.split(), right.split());
+    (a * across[0][i] + b * across[1][i]) + (c * across[2][i] + d * across[3][i])
+}
+
+/// Limits a pixel to what interpolation may not leave: alpha to 0 to `largest`, and colours to 0 and above, 0 where alpha is 0.
+#[inline(always)]
+pub(super) fn in_range<S: Simd>(pixel: f32x4<S>, largest: f32) -> [f32; 4] {
+    let pixel = pixel.max(0.0);
+    let most = BRIGHTEST * at_most(pixel[3], largest);
+    pixel.min(f32x4::simd_from(pixel.simd, [most, most, most, largest])).to_array()
+}
+
+/// The brightest colour of a voxel: white in full light with the strongest highlight.
+const BRIGHTEST: f32 = 2.0;
