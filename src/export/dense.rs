@@ -33,9 +33,8 @@ impl<'a> DenseVolume<'a> {
     pub(crate) fn new(voxels: &'a StoredVoxels<'a>, given: Option<f64>) -> Result<DenseVolume<'a>> {
         let sample_type = sample_type(voxels);
         let fill = fill(voxels, sample_type, given)?;
-        let codes = 0..=u16::try_from(voxels.occurring.len() - 1).expect("codes have 16 bits");
-        let sample = |code: u16| encoded(sample_type, voxels.value(code)).into_iter().take(sample_type.bytes());
-        let table = codes.flat_map(sample).collect();
+        let bytes = |sample: f64| encoded(sample_type, sample).into_iter().take(sample_type.bytes());
+        let table = voxels.samples(sample_type).flat_map(bytes).collect();
         Ok(DenseVolume { voxels, sample_type, fill: fill.value, table, warning: fill.warning })
     }
 
@@ -147,7 +146,7 @@ pub(crate) fn export(
         bytes,
         sample_type: Some(volume.sample_type),
         fill: Some(volume.fill),
-        rounding: rounding(&volume.voxels.values(), volume.sample_type),
+        rounding: rounding(volume.voxels, volume.sample_type),
         notes,
     })
 }

@@ -142,7 +142,7 @@ pub fn export(
         ExportFormat::Csv => write_file(path, &progress, |out| csv::write(out, &voxels, &progress))?,
         ExportFormat::Vdb => {
             report.sample_type = Some(SampleType::F32);
-            report.rounding = samples::rounding(&voxels.values(), SampleType::F32);
+            report.rounding = samples::rounding(&voxels, SampleType::F32);
             write_file(path, &progress, |out| vdb::write(out, &voxels, &progress))?
         }
         _ => {

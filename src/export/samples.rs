@@ -26,10 +26,31 @@ pub(crate) fn holds(sample_type: SampleType, value: f64) -> bool {
     }
 }
 
-/// Returns the most by which a sample of this type differs from one of `values`.
-pub(crate) fn rounding(values: &[f64], sample_type: SampleType) -> f64 {
-    let error = |&value: &f64| (decoded(sample_type, &encoded(sample_type, value)) - value).abs();
-    values.iter().map(error).fold(0.0, f64::max)
+impl StoredVoxels<'_> {
+    /// Returns the sample of every code.
+    pub(crate) fn samples(&self, sample_type: SampleType) -> impl Iterator<Item = f64> {
+        let codes = 0..=u16::try_from(self.occurring.len() - 1).expect("codes have 16 bits");
+        codes.map(move |code| sample(self, sample_type, self.value(code)))
+    }
+}
+
+/// Returns the sample of this type that is nearest to `value`; if the transfer function hides it but shows its neighbour, that: a
+/// value at an end of what is visible may round to a sample beyond it.
+#[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
+fn sample(voxels: &StoredVoxels, sample_type: SampleType, value: f64) -> f64 {
+    let nearest = decoded(sample_type, &encoded(sample_type, value));
+    let neighbours = match sample_type {
+        SampleType::F32 => [(value as f32).next_up(), (value as f32).next_down()].map(f64::from),
+        SampleType::F64 => [value.next_up(), value.next_down()],
+        _ => return nearest,
+    };
+    let is_shown = |sample: &f64| voxels.transfer.as_ref().is_some_and(|transfer| transfer.opacity(*sample, 0.0) > 0.0);
+    if is_shown(&nearest) { nearest } else { neighbours.into_iter().find(is_shown).unwrap_or(nearest) }
+}
+
+/// Returns the most by which a sample of this type differs from the value that it is of.
+pub(crate) fn rounding(voxels: &StoredVoxels, sample_type: SampleType) -> f64 {
+    voxels.values().iter().map(|&value| (sample(voxels, sample_type, value) - value).abs()).fold(0.0, f64::max)
 }
 
 /// Returns `value` as a little-endian sample in the first bytes; integers are clamped to the type's range.

@@ -18,6 +18,7 @@ use std::io::Write;
 use super::output::{CountingWriter, Progress, Written};
 use super::voxels::StoredVoxels;
 use adjsplat::error::{Error, Result};
+use adjsplat::volume::SampleType;
 
 const MAGIC: u64 = 0x5644_4220;
 const FILE_VERSION: u32 = 224;
@@ -44,10 +45,12 @@ pub(crate) fn write(out: &mut dyn Write, voxels: &StoredVoxels, progress: &Progr
     let mut block = Block::default();
     let mut leaf_count = 0;
     for [x, y, z] in roots.blocks() {
-        block.read(voxels, [x, y, z], false)?;
+        block.read(voxels, [x, y, z], None)?;
         leaf_count += block.leaves().count() as u64;
         progress.step()?;
     }
+    #[expect(clippy::cast_possible_truncation, reason = "the samples have single precision")]
+    let of_codes: Vec<f32> = voxels.samples(SampleType::F32).map(|sample| sample as f32).collect();
     let mut out = CountingWriter { out, bytes: 0 };
     for part in [&MAGIC.to_le_bytes()[..], &FILE_VERSION.to_le_bytes()] {
         out.write_all(part)?;
@@ -87,7 +90,7 @@ pub(crate) fn write(out: &mut dyn Write, voxels: &StoredVoxels, progress: &Progr
         }
         write_masks(&mut out, &mask)?;
         for origin in &root.blocks {
-            block.read(voxels, *origin, false)?;
+            block.read(voxels, *origin, None)?;
             let mut mask = vec![0; LEAVES.pow(3) / 8];
             block.leaves().for_each(|leaf| mask[leaf / 8] |= 1 << (leaf % 8));
             write_masks(&mut out, &mask)?;
@@ -98,7 +101,7 @@ pub(crate) fn write(out: &mut dyn Write, voxels: &StoredVoxels, progress: &Progr
         }
     }
     for origin in roots.blocks() {
-        block.read(voxels, origin, true)?;
+        block.read(voxels, origin, Some(&of_codes))?;
         for leaf in block.leaves() {
             out.write_all(&block.mask(leaf))?;
             out.write_all(&[INACTIVE_IS_BACKGROUND])?;
@@ -219,11 +222,11 @@ struct Block {
 }
 
 impl Block {
-    /// Reads the voxels of the block whose first point is `origin`, and their values if `with_values`.
-    fn read(&mut self, voxels: &StoredVoxels, origin: [u32; 3], with_values: bool) -> Result<()> {
+    /// Reads the voxels of the block whose first point is `origin`, and their values if those of all codes are given.
+    fn read(&mut self, voxels: &StoredVoxels, origin: [u32; 3], of_codes: Option<&[f32]>) -> Result<()> {
         self.masks.clear();
         self.masks.resize(LEAVES.pow(3), [0; LEAF]);
-        if with_values {
+        if of_codes.is_some() {
             self.values.resize((BLOCK as usize).pow(3), 0.0);
         }
         let part = [0, 1, 2].map(|a| origin[a]..(origin[a] + BLOCK).min(voxels.grid.dims[a]));
@@ -233,9 +236,8 @@ impl Block {
                 let leaf = (x / LEAF * LEAVES + y / LEAF) * LEAVES + z / LEAF;
                 let within = y % LEAF * LEAF + z % LEAF;
                 self.masks[leaf][x % LEAF] |= 1 << within;
-                if with_values {
-                    #[expect(clippy::cast_possible_truncation, reason = "the grid has single precision")]
-                    let value = voxels.value(voxel.record.value) as f32;
+                if let Some(of_codes) = of_codes {
+                    let value = of_codes[usize::from(voxel.record.value)];
                     self.values[leaf * LEAF.pow(3) + x % LEAF * LEAF * LEAF + within] = value;
                 }
             }

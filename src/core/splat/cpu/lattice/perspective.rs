@@ -20,9 +20,10 @@ const NEAREST: f64 = 8.0;
 /// How many times as long a pixel may be one way as the other. In a perspective, which may run along an axis in its middle, 1.5 lost
 /// 1.6 dB (azimuth 90, elevation 0).
 const LONGEST: f64 = 1.25;
-/// Tangent of half of 75 degrees, and some rounding: above it an angle of view is wide, and the limits below hold.
+/// Tangent of half of 75 degrees, and some rounding: above it an angle of view is wide. If it is along the picture's longer side,
+/// [`MOST_UNEVEN`] holds; along its height, [`WIDEST`] also of voxels that are wide in the middle.
 const WIDE_ANGLE: f64 = 0.768;
-/// Least width of a footprint, in pixels, for which they hold: that of the low-pass on sixteen samples a pixel's side.
+/// Least width of a footprint, in pixels, for which that holds: that of the low-pass on sixteen samples a pixel's side.
 const LEAST_FOOTPRINT: f64 = 0.0375;
 // Pairs are for `Sampling::Enough` and `Sampling::Fewest`.
 /// The most that [`unevenness`] may be at any corner of the box, in kernels. Measured: docs/studies/sampling.md.
@@ -31,7 +32,7 @@ const MOST_UNEVEN: [f64; 2] = [0.015, 0.036];
 /// Drafts had 28 dB where it was above 100, and 33 dB at 8.
 const WIDEST: [f64; 2] = [3.0, 8.0];
 /// Least standard deviation where the picture shows the box, along an axis that takes the plane's pixels as they are: below, weights
-/// are those of one pixel, or alike for eight.
+/// are those of one pixel, or alike for eight (37.4 dB instead of 69.6).
 const NARROWEST: [f64; 2] = [0.5, 0.3];
 
 /// Returns the plane, if there is one.
@@ -98,8 +99,11 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     };
     let low_pass = LowPass::new(moves([0.5 * columns, 0.5 * rows]), subject.width)?;
     // Of voxels that are smaller still, no other way of sampling has enough samples.
-    let is_wide_angle = 0.5 * f64::from(view.size[1]) / focal > WIDE_ANGLE && subject.width > LEAST_FOOTPRINT;
-    if is_wide_angle {
+    let nearest_corner = corners.iter().map(|corner| corner.z).fold(f64::INFINITY, f64::min);
+    let longest_step = steps.map(DVec3::length).into_iter().fold(0.0, f64::max);
+    let has_others = f64::from(kernel.sigma) * longest_step * focal > LEAST_FOOTPRINT * nearest_corner;
+    let is_wide_angle = has_others && 0.5 * f64::from(view.size[1]) / focal > WIDE_ANGLE;
+    if has_others && tangent > WIDE_ANGLE {
         // An x-ray is not steep at outlines, as opaque matter is.
         let most = if subject.is_sum { MOST_UNEVEN[1] } else { subject.of_sampling(MOST_UNEVEN) };
         let voxel_steps = DMat3::from_cols(column(0), column(1), column(2));
@@ -163,7 +167,7 @@ fn is_filtered(subject: &Subject, low_pass: &LowPass, moves: [[f64; 2]; 2], is_w
         // Toward the edges of a wide angle, even voxels that are wide in the middle are as narrow as the low-pass.
         let deviation = if is_wide_angle { f64::from(LOW_PASS) } else { low_pass.deviation };
         let least = subject.of_sampling(NARROWEST);
-        let is_drawn = !is_wide_angle || !low_pass.is_wide[side] || low_pass.deviation * moved >= least;
+        let is_drawn = !low_pass.is_wide[side] || low_pass.deviation * moved >= least;
         deviation * moved <= most && is_drawn
     })
 }
