@@ -59,9 +59,12 @@ mod server {
     use tower_http::services::{ServeDir, ServeFile};
 
     use super::Arguments;
+    use crate::info::is_adj;
     use crate::{Answer, print_note, print_result};
     use adjsplat::Model;
+    use adjsplat::collection::Collection;
     use adjsplat::error::{Error, Result};
+    use adjsplat_readers::{OpenOptions, open};
 
     type Files = Arc<BTreeMap<String, PathBuf>>;
 
@@ -106,11 +109,30 @@ mod server {
         })
     }
 
+    /// Checks that the page can show a file.
+    fn check(path: &Path) -> Result<()> {
+        let refused = |why: &str| Err(Error::input(path.display().to_string(), why));
+        if Collection::is_at(path) {
+            return refused("is a collection, which the page does not read; adj join makes one file of it");
+        }
+        if path.is_dir() {
+            return refused("is a folder; give one file");
+        }
+        if is_adj(path)? {
+            return Model::open(path).map(drop);
+        }
+        let volume = open(path, &OpenOptions::new())?;
+        match volume.data_files().iter().all(|file| file == path) {
+            true => Ok(()),
+            false => refused("has its samples in other files; build an .adj file of it, and serve that"),
+        }
+    }
+
     /// Returns the names under which files are served, in their order, and the files by these names.
     fn files(paths: &[PathBuf]) -> Result<(Vec<String>, BTreeMap<String, PathBuf>)> {
         let (mut names, mut files) = (Vec::new(), BTreeMap::new());
         for path in paths {
-            Model::open(path)?;
+            check(path)?;
             let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
             if files.insert(name.clone(), path.clone()).is_some() {
                 return Err(Error::input(name, "is the name of two files; rename one"));

@@ -32,7 +32,16 @@ pub fn run(files: Vec<PathBuf>) -> Result<()> {
         Box::new(move |creation| Ok(Box::new(Window::new(creation, &files, RecentFiles::of_user(), renderer()))));
     let shown = eframe::run_native("adjsplat", options, create);
     background::wait(MOST_WAIT);
-    shown.map_err(|fault| Error::device(format!("cannot open a window: {fault}; draw pictures with adj render")))
+    shown.map_err(|fault| {
+        // Errors of winit begin with a place in its source.
+        let fault = fault.to_string();
+        let fault = fault.rsplit_once(".rs:").map_or(&*fault, |(_, cause)| {
+            cause.trim_start_matches(|c: char| c.is_ascii_digit() || c == ':' || c == ' ')
+        });
+        Error::device(format!(
+            "cannot open a window: {fault}; draw pictures with adj render, or show files with adj serve"
+        ))
+    })
 }
 
 /// How long a closed window waits for the picture that a graphics device still draws.

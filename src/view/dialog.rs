@@ -23,6 +23,13 @@ pub(crate) enum Purpose {
     SaveTransfer,
 }
 
+impl Purpose {
+    /// Returns whether a file is written.
+    pub(crate) fn saves(self) -> bool {
+        matches!(self, Purpose::SavePicture | Purpose::SaveTransfer)
+    }
+}
+
 /// That the desktop shows no dialogs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct NoDialog;
@@ -80,6 +87,7 @@ async fn choose(purpose: Purpose) -> Choice {
         Purpose::SaveTransfer => dialog
             .set_title("Save the transfer function")
             .set_file_name("transfer.json")
+            .add_filter("Functions", &["json"])
             .save_file()
             .map(|path| vec![path]),
     })?;
@@ -155,7 +163,7 @@ async fn choose(purpose: Purpose) -> Choice {
         Purpose::OpenFolder => crate::page::choose_folder().await.map(Place::folder).into_iter().collect(),
         Purpose::LoadTransfer => {
             let mut places = Vec::new();
-            for file in crate::page::choose(".json", false).await {
+            for file in crate::page::choose(".json,.ctbl", false).await {
                 let bytes = crate::page::read(&file).await;
                 places.extend(bytes.map(|bytes| Place::Bytes(file.name(), Arc::new(bytes))));
             }

@@ -369,6 +369,20 @@ fn gradients(dims: [usize; 3], spacing: [f64; 3], field: impl Fn([usize; 3]) -> 
     all
 }
 
+/// Rounded to single precision, samples near 2e9 differ by multiples of 128, and a ball of 200 levels was lit as flat steps.
+#[test]
+fn small_differences_of_large_samples_have_gradients() {
+    let samples = [0, 1, 3].map(|level| 2_000_000_000 + level);
+    let row = Neighbourhood::new(None, &samples, None, [3, 1], [1.0; 3]);
+    assert_eq!([0, 1, 2].map(|x| row.gradient(x, 0)[0]), [1.0, 1.5, 2.0]);
+    let values = [0.0, 0.25, 0.5].map(|level| 1e9 + level);
+    let row = Neighbourhood::new(None, &values, None, [3, 1], [1.0; 3]).scaled(2.0, 1e9);
+    assert_eq!([0, 1, 2].map(|x| row.gradient(x, 0)[0]), [0.5; 3]);
+    let ends = [f64::MIN, 0.0, f64::MAX];
+    let row = Neighbourhood::new(None, &ends, None, [3, 1], [1e-9; 3]);
+    assert_eq!([0, 1, 2].map(|x| row.gradient(x, 0)[0]), [f64::MAX; 3]);
+}
+
 #[test]
 fn gradients_are_exact_on_linear_fields_at_faces_too() {
     let (a, b, c) = (3.0, -7.0, 0.5);

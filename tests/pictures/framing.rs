@@ -106,3 +106,21 @@ fn the_grid_is_framed_where_nothing_is_visible() {
     let Projection::Parallel { height } = camera.projection() else { panic!("a parallel view") };
     assert!((height * FILL - 21.0).abs() < 1e-9, "{height}");
 }
+
+/// A narrow part of what is visible, far from the middle of its box, lay within a wide angle even from the target, where the eye was
+/// put then.
+#[test]
+fn the_widest_angles_have_the_eye_beside_what_they_look_at() {
+    let model = model();
+    let crop = VoxelBox { low: [0, 30, 0], high: [24, 44, 18] };
+    for (crop, azimuth) in [None, Some(crop)].into_iter().flat_map(|crop| (0..360).step_by(15).map(move |a| (crop, a)))
+    {
+        for elevation in (-60..=60).step_by(5) {
+            let (azimuth, elevation) = (f64::from(azimuth), f64::from(elevation));
+            let orbit = Orbit { azimuth, elevation, fov: Some(170.0), ..Orbit::default() };
+            let settings = Settings::new([64, 48]).with_crop(crop);
+            let camera = model.camera(&orbit, &settings);
+            assert!(camera.is_ok(), "{azimuth}, {elevation}: {camera:?}");
+        }
+    }
+}

@@ -107,7 +107,7 @@ impl Arguments {
             (&[(method, _)], &[order], 1) => Ok((method, Viewing::along(order))),
             _ => {
                 let why = "need one set, one method and one order: phantom:gyroid --methods adjsplat --orders +z+y+x";
-                Err(Error::input("--trace, --counters and --walks", why))
+                Err(Error::input("--trace and --counters", why))
             }
         }
     }

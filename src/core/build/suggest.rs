@@ -71,8 +71,11 @@ impl Suggestion {
     pub fn of(histogram: &Histogram) -> Result<Suggestion> {
         let Histogram { lowest, highest, .. } = *histogram;
         if lowest >= highest {
-            let why = if lowest == highest { format!("are all {lowest}") } else { "are all NaN or infinite".into() };
-            return Err(Error::input("samples", format!("{why}; there is nothing to tell apart")));
+            let why = match lowest == highest {
+                true => format!("are all {lowest}, so nothing can be told apart; try the range {lowest}.."),
+                false => "are all NaN or infinite, so no voxel can be visible".into(),
+            };
+            return Err(Error::input("samples", why));
         }
         if is_label_map(histogram) {
             return Ok(Suggestion::Labels);

@@ -43,9 +43,16 @@ impl TransferFunction {
     /// [`Error::Io`] if the file cannot be read; [`Error::Limit`] if it is longer than 16 MiB; [`Error::Input`] that
     /// names the file if its content is wrong.
     pub fn read(path: &std::path::Path) -> Result<TransferFunction> {
-        let text = crate::text::read_text(path, MAX_DESCRIPTION_BYTES)?;
+        TransferFunction::from_text(path, &crate::text::read_text(path, MAX_DESCRIPTION_BYTES)?)
+    }
+
+    /// Reads the contents of such a file.
+    ///
+    /// # Errors
+    /// [`Error::Input`] that names the file if its content is wrong.
+    pub fn from_text(path: &std::path::Path, text: &str) -> Result<TransferFunction> {
         let is_table = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("ctbl"));
-        let parsed = if is_table { TransferFunction::from_ctbl(&text) } else { TransferFunction::from_json(&text) };
+        let parsed = if is_table { TransferFunction::from_ctbl(text) } else { TransferFunction::from_json(text) };
         parsed.map_err(|error| match error {
             Error::Input { what, why } => Error::input(format!("{}: {what}", path.display()), why),
             other => other,

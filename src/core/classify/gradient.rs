@@ -2,12 +2,13 @@
 //!
 //! Central differences `(f+ - f-) / 2h`; one-sided at borders and next to samples that are not finite; 0 without any
 //! neighbour. Exact for linear fields, also at the volume's faces. Where a face cuts a body, `outward` lights it instead.
-//! Samples are rounded to single precision. Their
-//! differences are computed in double precision, so that no field and no spacing overflows or loses its direction.
+//! Values and their differences are computed in double precision, so that small differences of large values count, and no field and
+//! no spacing overflows or loses its direction.
 
 use crate::volume::Sample;
 
-/// Upper bound of 1 / spacing. Its product with a difference of single-precision samples (up to 2^129) stays finite.
+/// Upper bound of 1 / spacing. Its product with a difference of single-precision samples (up to 2^129) stays finite; that of others
+/// is limited.
 const LARGEST_INVERSE: f64 = 1e250;
 
 /// A z-slice with the slices below and above it, for computing gradients.
@@ -51,10 +52,9 @@ impl<'a, T: Sample> Neighbourhood<'a, T> {
 
     #[inline(always)]
     fn value(&self, sample: T) -> f64 {
-        #[allow(clippy::cast_possible_truncation, reason = "gradients are taken of single-precision fields")]
         match self.scale {
-            None => sample.to_f32().into(),
-            Some((slope, intercept)) => f64::from((sample.to_f64() * slope + intercept) as f32),
+            None => sample.to_f64(),
+            Some((slope, intercept)) => sample.to_f64() * slope + intercept,
         }
     }
 
@@ -114,14 +114,17 @@ pub fn magnitude([x, y, z]: [f64; 3]) -> f64 {
 /// Returns the slope at the middle of three samples; samples that are missing or not finite are ignored.
 #[inline(always)]
 fn slope(before: f64, here: f64, after: f64, inverse: f64) -> f64 {
-    let central = after - before;
+    let central = (after - before) * 0.5 * inverse;
     if central.is_finite() {
-        return central * 0.5 * inverse;
+        return central;
     }
     one_sided(before, here, after, inverse)
 }
 
+/// The same for what is missing, and for a slope that is no finite number, which it limits.
 #[cold]
 fn one_sided(before: f64, here: f64, after: f64, inverse: f64) -> f64 {
-    [after - here, here - before].into_iter().find(|difference| difference.is_finite()).unwrap_or(0.0) * inverse
+    let differences = [(after / 2.0 - before / 2.0), after - here, here - before];
+    let difference = differences.into_iter().find(|difference| difference.is_finite()).unwrap_or(0.0);
+    (difference * inverse).clamp(f64::MIN, f64::MAX)
 }

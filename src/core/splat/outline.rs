@@ -15,6 +15,8 @@ use crate::volume::Grid;
 
 /// The share of the picture's width or height that a framed view fills at zoom 1; of the other it fills less.
 pub const FILL: f64 = 0.9;
+/// Least distance of the eye in perspective, as a share of [`Outline::radius`].
+const LEAST_SCALE: f64 = 0.01;
 
 /// Most frames of a turn that are measured; the others lie between two of them, less than a degree apart.
 const MEASURED: usize = 360;
@@ -186,7 +188,9 @@ impl Camera {
         let target = outline.centre + offset;
         let reach = |direction: DVec3| outline.reach(direction) - offset.dot(direction);
         let measured = axes.iter().step_by(orbits.len().div_ceil(MEASURED));
-        let scale = measured.flat_map(bounds).flatten().map(reach).fold(0.0, f64::max);
+        // A wide angle may see all of it even from the target.
+        let least = LEAST_SCALE * outline.radius();
+        let scale = measured.flat_map(bounds).flatten().map(reach).fold(least, f64::max);
         // Of a parallel view the eye may be anywhere outside.
         let outside = 2.0 * (outline.radius() + offset.length());
         orbits

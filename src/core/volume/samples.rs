@@ -56,8 +56,6 @@ pub trait Sample: Pod + PartialOrd + Send + Sync {
     const TYPE: SampleType;
     /// Converts the sample to double precision; exact for every supported type.
     fn to_f64(self) -> f64;
-    /// Converts the sample to single precision; exact up to 24 significant bits.
-    fn to_f32(self) -> f32;
     /// Returns the sample's bits as a table index, if the type has 8 or 16 bits.
     fn small_bits(self) -> Option<usize>;
     /// Wraps the samples in a [`Samples`] buffer.
@@ -79,11 +77,6 @@ macro_rules! samples {
             #[inline(always)]
             fn to_f64(self) -> f64 {
                 f64::from(self)
-            }
-            #[inline(always)]
-            #[allow(clippy::cast_possible_truncation, clippy::unnecessary_cast, reason = "rounding is the contract")]
-            fn to_f32(self) -> f32 {
-                self as f32
             }
             #[inline(always)]
             fn small_bits(self) -> Option<usize> {

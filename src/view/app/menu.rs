@@ -51,7 +51,7 @@ impl Viewer {
                     self.form_is_open = true;
                 }
                 ui.menu_button("Copy", |ui| {
-                    if ui.button("Command that makes this picture").clicked() {
+                    if !cfg!(target_arch = "wasm32") && ui.button("Command that makes this picture").clicked() {
                         self.copy(&context, true);
                         ui.close();
                     }

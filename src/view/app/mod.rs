@@ -4,7 +4,7 @@ mod menu;
 mod views;
 mod windows;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use adjsplat::TransferFunction;
 use adjsplat::error::{Error, Result};
@@ -134,7 +134,17 @@ impl Viewer {
     }
 
     fn take_dropped(&mut self, context: &Context) {
-        dropped(context).into_iter().for_each(|place| self.open(context, place));
+        let places = dropped(context);
+        if !places.is_empty() {
+            self.message = None;
+        }
+        places.into_iter().for_each(|place| self.open(context, place));
+    }
+
+    /// Shows why something failed, below what failed before.
+    fn fail(&mut self, fault: &Error) {
+        let before = self.message.take().filter(|(_, is_error)| *is_error).map(|(text, _)| text + "\n");
+        self.message = Some((before.unwrap_or_default() + &full(fault), true));
     }
 
     /// Takes what threads and dialogs have finished.
@@ -154,16 +164,14 @@ impl Viewer {
                     if let Some(path) = document.place.path() {
                         self.recent.add(path);
                     }
-                    self.message = document.fulfil(&wish).err().map(|fault| (full(&fault), true));
+                    if let Err(fault) = document.fulfil(&wish) {
+                        self.fail(&fault);
+                    }
                     self.documents.push(document);
                     self.active = self.documents.len() - 1;
                 }
-                Err(fault) => {
-                    self.message = Some(match fault {
-                        Error::Interrupted => (format!("{} was not opened", place.name()), false),
-                        fault => (full(&fault), true),
-                    });
-                }
+                Err(Error::Interrupted) => self.message = Some((format!("{} was not opened", place.name()), false)),
+                Err(fault) => self.fail(&fault),
             }
         }
         let mut saved = Vec::new();
@@ -201,6 +209,9 @@ impl Viewer {
 
     /// Does what a file was chosen for.
     fn chosen(&mut self, context: &Context, purpose: Purpose, mut places: Vec<Place>) {
+        if !places.is_empty() {
+            self.message = None;
+        }
         if matches!(purpose, Purpose::OpenFile | Purpose::OpenFolder) {
             return places.into_iter().for_each(|place| self.open(context, place));
         }
@@ -223,11 +234,15 @@ impl Viewer {
             Purpose::LoadTransfer => transfer_at(&place).map(|transfer| document.set_transfer(&transfer)),
             Purpose::SaveTransfer => {
                 let text = document.model.transfer().to_json();
-                write(path, |out| out.write_all(text.as_bytes()))
+                let saved = save_transfer(path, &text);
+                if saved.is_ok() && !cfg!(target_arch = "wasm32") {
+                    self.message = Some((format!("Saved {}", path.display()), false));
+                }
+                saved
             }
         };
         if let Err(fault) = result {
-            self.message = Some((full(&fault), true));
+            self.fail(&fault);
         }
     }
 
@@ -308,10 +323,18 @@ fn transfer_at(place: &Place) -> Result<TransferFunction> {
     match place {
         Place::Bytes(name, bytes) => {
             let text = std::str::from_utf8(bytes).map_err(|_| Error::input(name, "is no text"))?;
-            TransferFunction::from_json(text)
+            TransferFunction::from_text(name.as_ref(), text)
         }
         _ => TransferFunction::read(place.path().unwrap_or("".as_ref())),
     }
+}
+
+/// Writes a transfer function as JSON; never over a file of another kind.
+fn save_transfer(path: &Path, text: &str) -> Result<()> {
+    if !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json")) {
+        return Err(Error::input(path.display().to_string(), "is no name for a transfer function; end it in .json"));
+    }
+    write(path, |out| out.write_all(text.as_bytes()))
 }
 
 /// Options of readers in messages, each with the option of `adj build` that replaces it: the viewer has none.

@@ -1,5 +1,7 @@
 //! What lies over the views: windows for a typed path and for saving a picture, progress, and the last message.
 
+use std::path::Path;
+
 use adjsplat::splat::Quality;
 use egui::{Area, Button, Context, Frame, Key, Label, ProgressBar, Rect, Window, vec2};
 
@@ -27,7 +29,7 @@ impl Viewer {
         let frame = Frame::window(&style).shadow(egui::Shadow::NONE).inner_margin(8.0);
         Area::new(egui::Id::unique("notices")).fixed_pos(views.min + vec2(10.0, 10.0)).show(context, |ui| {
             frame.show(ui, |ui| {
-                ui.set_max_width(views.width() - 40.0);
+                ui.set_max_width((views.width() - 40.0).max(0.0));
                 for opening in &self.openings {
                     let (phase, share) = opening.progress();
                     ui.horizontal(|ui| {
@@ -75,14 +77,15 @@ impl Viewer {
             .show(context, |ui| {
                 let field = ui.add(
                     egui::TextEdit::singleline(text)
-                        .desired_width(420.0_f32.min(context.content_rect().width() - 60.0))
+                        .desired_width((context.content_rect().width() - 60.0).clamp(0.0, 420.0))
                         .hint_text(example),
                 );
-                chosen = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+                let replaces = purpose.saves() && Path::new(text.trim()).exists();
+                chosen = !replaces && field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
                 if !chosen && ui.memory(|memory| memory.focused().is_none()) {
                     field.request_focus();
                 }
-                chosen |= ui.button(verb).clicked();
+                chosen |= ui.button(if replaces { "Replace the file" } else { verb }).clicked();
             });
         let text = text.trim().to_owned();
         if chosen && !text.is_empty() {

@@ -150,7 +150,7 @@ impl Field {
         field.values = if transfer.is_labels() {
             places.map(|place| f64::from(transfer.opacity(value(place), 0.0) > 0.0)).collect()
         } else {
-            places.map(|place| f64::from(value(place) as f32)).collect()
+            places.map(value).collect()
         };
         if transfer.is_labels() {
             field.smooth();
