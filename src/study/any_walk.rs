@@ -4,7 +4,7 @@ use crate::baselines::{BuiltMethod, Receiver, Viewing, Walker};
 use crate::lane_walk::OwnWalk;
 use crate::layouts::LayoutWalk;
 use crate::receive::VoxelSum;
-use crate::trace::{Trace, Untraced, WalkerArray};
+use crate::trace::{Trace, WalkerArray};
 
 /// A structure that can be walked.
 #[derive(Debug)]
@@ -21,9 +21,7 @@ pub enum AnyWalk<'a> {
 impl AnyWalk<'_> {
     /// Walks the structure and adds up all that voxels have.
     pub fn summed(&mut self, viewing: &Viewing) -> VoxelSum {
-        let mut sum = VoxelSum::default();
-        self.walk(viewing, &mut sum, &mut Untraced);
-        sum
+        self.received(viewing)
     }
 
     /// Walks the structure, adds up all that voxels have, and gives each memory access to `trace`.
@@ -35,14 +33,6 @@ impl AnyWalk<'_> {
 }
 
 impl Walker for AnyWalk<'_> {
-    fn method(&self) -> &'static str {
-        match self {
-            AnyWalk::Own(walker) => walker.method(),
-            AnyWalk::Layout(walker) => walker.method(),
-            AnyWalk::Method(walker) => walker.method(),
-        }
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         match self {
             AnyWalk::Own(walker) => walker.arrays(),

@@ -9,7 +9,7 @@ use super::trace::Untraced;
 use crate::splatter;
 use adjsplat::error::Result;
 use adjsplat::splat::{Camera, Frame, Orbit, Scene, Settings, Surround, View};
-use adjsplat::traverse::{Batch, Sense, walk};
+use adjsplat::traverse::Sense;
 use adjsplat::volume::Axis;
 
 /// Returns the view of a subject by `camera`, in front-to-back order.
@@ -52,12 +52,7 @@ pub fn of_method(
 ) -> Result<Frame> {
     let viewing = viewing(subject, camera, settings)?;
     let (frame, _) = splatter::splat(&scene(subject), camera, settings, drawing, |splatter| {
-        match built {
-            BuiltMethod::Adjsplat(_) => {
-                walk(&subject.lane(viewing.order.fast), &viewing.order, &mut |batch: &Batch| splatter.batch(batch));
-            }
-            _ => built.walk(&viewing, splatter, &mut Untraced),
-        }
+        built.walk(&viewing, splatter, &mut Untraced);
         Ok(())
     })?;
     Ok(frame)

@@ -13,13 +13,11 @@ use xxhash_rust::xxh3::Xxh3;
 
 use super::baselines::{BuiltMethod, Method, Viewing, Walker as _};
 use super::picture;
-use super::receive::{CoordinateSum, VoxelSum};
+use super::receive::VoxelSum;
 use super::subject::Subject;
-use super::trace::Untraced;
 use crate::GoOn;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Camera, Frame, Orbit, Settings, cpu};
-use adjsplat::traverse::{Batch, walk};
 
 /// Settings of the measurement.
 #[derive(Debug, Clone)]
@@ -136,7 +134,7 @@ impl TurnedView {
 
     fn undrawn(&self, subject: &Subject, built: &mut BuiltMethod) -> Result<Undrawn> {
         let start = Instant::now();
-        let sum = black_box(summed(subject, built, &self.viewing));
+        let sum = black_box(built.received::<VoxelSum>(&self.viewing));
         let walk = start.elapsed().as_secs_f64();
         let start = Instant::now();
         drop(black_box(picture::of_method(subject, &self.camera, &self.settings, built, false)?));
@@ -153,30 +151,4 @@ impl TurnedView {
         };
         Ok((picture, start.elapsed().as_secs_f64()))
     }
-}
-
-/// Walks the structure and adds up coordinates only; our own walk delivers batches, as it does to a renderer.
-pub fn summed_coordinates(subject: &Subject, built: &mut BuiltMethod, viewing: &Viewing) -> CoordinateSum {
-    let mut sum = CoordinateSum::default();
-    match built {
-        BuiltMethod::Adjsplat(_) => {
-            walk(&subject.lane(viewing.order.fast), &viewing.order, &mut |batch: &Batch| sum.add(batch));
-        }
-        _ => built.walk(viewing, &mut sum, &mut Untraced),
-    }
-    sum
-}
-
-/// Walks the structure and adds up all that voxels have; our own walk delivers batches, as it does to a renderer.
-pub fn summed(subject: &Subject, built: &mut BuiltMethod, viewing: &Viewing) -> VoxelSum {
-    let mut sum = VoxelSum::default();
-    match built {
-        BuiltMethod::Adjsplat(_) => {
-            let lane = subject.lane(viewing.order.fast);
-            let shaded = lane.channels.normal_bits > 0;
-            walk(&lane, &viewing.order, &mut |batch: &Batch| sum.add(&lane, batch, shaded));
-        }
-        _ => built.walk(viewing, &mut sum, &mut Untraced),
-    }
-    sum
 }

@@ -7,9 +7,10 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use super::baselines::{Method, Viewing};
+use super::baselines::{Method, Viewing, Walker as _};
+use super::levels::geometric_mean;
 use super::picture;
-use super::speed::{summed, summed_coordinates};
+use super::receive::{CoordinateSum, VoxelSum};
 use super::subject::Subject;
 use crate::GoOn;
 use adjsplat::error::{Error, Result};
@@ -90,7 +91,7 @@ pub struct Walks {
 impl Walks {
     /// Returns the geometric mean of the times over the views.
     pub fn geometric_mean(&self) -> f64 {
-        (self.ns.iter().map(|ns| ns.ln()).sum::<f64>() / self.ns.len() as f64).exp()
+        geometric_mean(&self.ns)
     }
 
     /// Returns the median of the times over the views.
@@ -138,8 +139,8 @@ pub fn measure(
             for (built, fastest) in built.iter_mut().zip(&mut fastest) {
                 let start = Instant::now();
                 match reading {
-                    Reading::Everything => _ = black_box(summed(subject, built, viewing)),
-                    Reading::Coordinates => _ = black_box(summed_coordinates(subject, built, viewing)),
+                    Reading::Everything => _ = black_box(built.received::<VoxelSum>(viewing)),
+                    Reading::Coordinates => _ = black_box(built.received::<CoordinateSum>(viewing)),
                 }
                 *fastest = fastest.min(start.elapsed().as_secs_f64());
             }

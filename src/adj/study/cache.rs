@@ -24,7 +24,6 @@ use adjsplat_study::baselines::{Method, Viewing, Walker as _};
 use adjsplat_study::cache::counters;
 use adjsplat_study::cache::{CacheFigures, Geometry, TraceWriter, measure};
 use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};
-use adjsplat_study::speed::summed;
 use adjsplat_study::{GoOn, Subject};
 
 /// Count the cache misses of every method, in a model that is the same on every machine
@@ -89,6 +88,7 @@ const COUNTED_WALKS: u32 = 16;
 
 /// A structure to measure, with its name in tables.
 pub(super) struct Measured<'a> {
+    pub(super) method: Method,
     pub(super) layout: String,
     pub(super) codes: Option<CodesRead>,
     pub(super) walk: AnyWalk<'a>,
@@ -150,11 +150,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
                         TileOrder::Hilbert | TileOrder::Rows => format!("{}-{}", method.name(), tile_order.name()),
                     };
                     let walk = OwnWalk::new(lanes.each_ref().map(OwnedLane::view), codes);
-                    Measured { layout, codes: Some(codes), walk: AnyWalk::Own(walk) }
+                    Measured { method, layout, codes: Some(codes), walk: AnyWalk::Own(walk) }
                 }
                 None => {
                     let walk = AnyWalk::Method(method.build(subject)?);
-                    Measured { layout: method.name().to_owned(), codes: None, walk }
+                    Measured { method, layout: method.name().to_owned(), codes: None, walk }
                 }
             };
             study(subject, &arguments.orders.0, &geometry, &mut measured, &mut tables, &mut |done, total| {
@@ -221,10 +221,10 @@ fn only_walk(arguments: &Arguments, times: u32) -> Result<Answer> {
     let (method, viewing) = arguments.only()?;
     each_set(&arguments.sets, arguments.sets.list()?, true, |subject, _| {
         sound(subject)?;
-        let mut built = method.build(subject)?;
+        let mut walk = AnyWalk::Method(method.build(subject)?);
         let swept = vec![1u8; SWEPT_BYTES];
         black_box(black_box(&swept).iter().step_by(16).map(|&byte| u64::from(byte)).sum::<u64>());
-        let visited: u64 = (0..times).map(|_| summed(subject, &mut built, &viewing).count).sum();
+        let visited: u64 = (0..times).map(|_| walk.summed(&viewing).count).sum();
         print_result(&format!("{visited} voxels visited"));
         Ok(())
     })?;

@@ -166,10 +166,6 @@ macro_rules! whichever {
 }
 
 impl Walker for BuiltMethod<'_> {
-    fn method(&self) -> &'static str {
-        whichever!(self, walker => walker.method())
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         whichever!(self, walker => walker.arrays())
     }

@@ -15,7 +15,7 @@
 //! Transformation", SIGGRAPH 1994.
 
 use super::allocate::{filled, push, reserved};
-use super::{Normal, Receiver, Viewing, Walker, coordinates, narrow, placed};
+use super::{Normal, Receiver, Viewing, Walker, coordinates, narrow, nesting, placed};
 use crate::Subject;
 use crate::subject::VisibleVoxel;
 use crate::trace::{Trace, WalkerArray};
@@ -143,10 +143,6 @@ fn u32_of(place: usize) -> Result<u32> {
 }
 
 impl Walker for RunLength {
-    fn method(&self) -> &'static str {
-        "run_length"
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         const NAMES: [[&str; ARRAYS]; 3] = [
             ["lines along x", "pairs along x", "values along x", "normals along x"],
@@ -166,7 +162,7 @@ impl Walker for RunLength {
 
     fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T) {
         let order = &viewing.order;
-        let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(|axis| axis.index());
+        let [slow, medium, fast] = nesting(order);
         let lines = &self.lines[fast];
         let array = ARRAYS * fast;
         let [slow_all, medium_all] = [slow, medium].map(|axis| coordinates(self.dims[axis]));

@@ -169,10 +169,6 @@ fn toward_eye(viewpoint: Viewpoint, axis: usize, coordinate: u16) -> u8 {
 }
 
 impl Walker for Shell {
-    fn method(&self) -> &'static str {
-        if self.lists.len() == 1 { "shell" } else { "shell_three" }
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         const NAMES: [[&str; 2]; 3] = [
             ["row pointers along x", "voxels along x"],

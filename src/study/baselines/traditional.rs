@@ -11,7 +11,7 @@
 
 use super::allocate::{check, filled, product};
 use super::appearance::Appearance;
-use super::{Normal, Receiver, Viewing, Walker, coordinates, placed};
+use super::{Normal, Receiver, Viewing, Walker, coordinates, nesting, placed};
 use crate::Subject;
 use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::Result;
@@ -58,10 +58,6 @@ impl Traditional {
 }
 
 impl Walker for Traditional {
-    fn method(&self) -> &'static str {
-        "traditional"
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         vec![
             WalkerArray::of("values", &self.values),
@@ -74,7 +70,7 @@ impl Walker for Traditional {
         let order = &viewing.order;
         let [width, height, _] = self.dims.map(|points| points as usize);
         let stride = [1, width, width * height];
-        let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(|axis| axis.index());
+        let [slow, medium, fast] = nesting(order);
         let [slow_all, medium_all, fast_all] = [slow, medium, fast].map(|axis| coordinates(self.dims[axis]));
         let mut position = [0; 3];
         order.along[slow].for_each_index(&slow_all, |s| {

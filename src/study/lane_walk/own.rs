@@ -50,10 +50,6 @@ impl<'a> OwnWalk<'a> {
 }
 
 impl Walker for OwnWalk<'_> {
-    fn method(&self) -> &'static str {
-        "adjsplat"
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         let mut arrays: Vec<WalkerArray> = self.lanes.iter().flat_map(OwnStore::arrays).collect();
         arrays.extend(self.sizes().arrays());

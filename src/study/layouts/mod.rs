@@ -154,10 +154,6 @@ impl LayoutWalk {
 }
 
 impl Walker for LayoutWalk {
-    fn method(&self) -> &'static str {
-        "layout"
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         let none = |name| WalkerArray { name, bytes: 0, scratch: false };
         let mut arrays: Vec<WalkerArray> = NAMES.into_iter().flatten().map(none).collect();

@@ -138,13 +138,6 @@ impl Bricks {
 }
 
 impl Walker for Bricks {
-    fn method(&self) -> &'static str {
-        match self.order {
-            BrickOrder::Slices => "bricks",
-            BrickOrder::Bricks => "bricks_brickwise",
-        }
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         vec![
             WalkerArray::of("table", &self.table),
