@@ -14,12 +14,12 @@
 //! Source: Lacroute and Levoy, "Fast Volume Rendering Using a Shear-Warp Factorization of the Viewing
 //! Transformation", SIGGRAPH 1994.
 
-use super::allocate::{filled, push, reserved};
+use super::allocate::{counted, filled, push, reserved};
 use super::{Normal, Receiver, Viewing, Walker, coordinates, narrow, nesting, placed};
 use crate::Subject;
 use crate::subject::VisibleVoxel;
 use crate::trace::{Trace, WalkerArray};
-use adjsplat::error::{Error, Result};
+use adjsplat::error::Result;
 use adjsplat::traverse::AxisOrder;
 use adjsplat::volume::Axis;
 
@@ -90,7 +90,9 @@ impl RunLines {
         lines.normals.extend(ordered.iter().map(|voxel| voxel.normal));
         let mut at = 0;
         for index in 0..lines.starts.len() {
-            lines.starts[index] = LineStart { pair: u32_of(lines.pairs.len())?, payload: u32_of(at)? };
+            let [pair, payload] =
+                [lines.pairs.len(), at].map(|count| counted("voxels or runs along an axis", count as u64));
+            lines.starts[index] = LineStart { pair: pair?, payload: payload? };
             let voxels = ordered[at..].iter().take_while(|voxel| line(voxel) == index);
             let from = at;
             let mut next = 0;
@@ -131,15 +133,6 @@ impl RunLines {
         }
         Ok(())
     }
-}
-
-/// Converts an index into an array of at most 2^32 elements.
-fn u32_of(place: usize) -> Result<u32> {
-    u32::try_from(place).map_err(|_| Error::Limit {
-        what: "voxels or runs along an axis".into(),
-        need: place as u64,
-        have: u32::MAX.into(),
-    })
 }
 
 impl Walker for RunLength {

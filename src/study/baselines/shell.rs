@@ -13,11 +13,11 @@
 //!
 //! Source: Udupa and Odhner, "Shell Rendering", CG&A 1993; Botha and Post, "ShellSplatting", VisSym 2003.
 
-use super::allocate::{filled, product, reserved};
+use super::allocate::{counted, filled, product, reserved};
 use super::{Normal, Receiver, Viewing, Walker, coordinates, placed};
 use crate::Subject;
 use crate::trace::{Trace, WalkerArray};
-use adjsplat::error::{Error, Result};
+use adjsplat::error::Result;
 use adjsplat::traverse::{AxisOrder, Viewpoint};
 use adjsplat::volume::Axis;
 
@@ -115,9 +115,7 @@ impl Shell {
 impl ShellRows {
     fn new(subject: &Subject, axis: Axis, opaque_neighbours: impl Fn([u16; 3]) -> u8) -> Result<ShellRows> {
         let count = subject.voxels.len() as u64;
-        if count > u32::MAX.into() {
-            return Err(Error::Limit { what: "voxels of shell splatting".into(), need: count, have: u32::MAX.into() });
-        }
+        counted("voxels of shell splatting", count)?;
         let [u, v] = axis.others().map(Axis::index);
         let dims = subject.dims();
         let mut stride = [0; 3];

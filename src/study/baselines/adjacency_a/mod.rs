@@ -20,7 +20,7 @@ mod walk;
 
 use zerocopy::little_endian::U32;
 
-use super::allocate::{filled, product, push};
+use super::allocate::{counted, filled, product, push};
 use super::appearance::Appearance;
 use crate::Subject;
 use crate::subject::VisibleVoxel;
@@ -211,14 +211,9 @@ impl AdjacencyA {
         let [x, y, z] = self.last;
         let record = RecordA { colour: [0; 4], gradient: [0.0; 3], neighbours: [0, x, 0, y, 0, z] };
         let index = if self.freed == NONE {
-            let index = u32::try_from(self.records.len()).ok().filter(|&index| index != NONE);
-            let index = index.ok_or_else(|| Error::Limit {
-                what: "voxels of adjacency A".into(),
-                need: self.records.len() as u64 + 1,
-                have: NONE.into(),
-            })?;
+            let count = counted("voxels of adjacency A", self.records.len() as u64 + 1)?;
             push("adjacency A's records", &mut self.records, record)?;
-            index
+            count - 1
         } else {
             let index = self.freed;
             let slot = &mut self.records[index as usize];

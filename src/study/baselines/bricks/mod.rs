@@ -27,11 +27,11 @@ use self::by_bricks::by_bricks;
 use self::by_slices::{BrickScratch, by_slices};
 use self::nesting::AxisNesting;
 use self::walk::BrickWalk;
-use super::allocate::{filled, product, reserved};
+use super::allocate::{counted, filled, product, reserved};
 use super::{Receiver, Viewing, Walker};
 use crate::Subject;
 use crate::trace::{Trace, WalkerArray};
-use adjsplat::error::{Error, Result};
+use adjsplat::error::Result;
 
 const TABLE: usize = 0;
 
@@ -72,9 +72,7 @@ impl Bricks {
     /// [`Error::Limit`] if there are 2^32 voxels or memory cannot be had.
     pub fn new(subject: &Subject, order: BrickOrder) -> Result<Bricks> {
         let count = subject.voxels.len() as u64;
-        if count >= NONE.into() {
-            return Err(Error::Limit { what: "voxels of bricks".into(), need: count, have: NONE.into() });
-        }
+        counted("voxels of bricks", count)?;
         let dims = subject.dims();
         let counts = dims.map(|points| (points as usize).div_ceil(EDGE));
         let mut table = filled("the table of bricks", product(counts.map(|count| count as u64)), NONE)?;
