@@ -13,8 +13,18 @@ pub const CAN_PLOT: bool = cfg!(feature = "plot");
 
 use std::ops::ControlFlow;
 
+use adjsplat::error::{Error, Result};
+
 /// Receives the steps that a study has done and their total; can cancel it.
 pub type GoOn<'a> = &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>;
+
+/// Tells `go_on` the steps done and their total.
+///
+/// # Errors
+/// [`Error::Interrupted`] if it cancels.
+pub fn report_step(go_on: GoOn, done: u64, total: u64) -> Result<()> {
+    if go_on(done, total).is_break() { Err(Error::Interrupted) } else { Ok(()) }
+}
 
 pub mod accuracy;
 pub mod any_walk;
@@ -24,6 +34,7 @@ pub mod lane_walk;
 pub mod layouts;
 pub mod levels;
 pub mod memory;
+mod number_set;
 mod ours;
 pub mod picture;
 pub mod receive;

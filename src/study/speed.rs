@@ -15,8 +15,8 @@ use super::baselines::{BuiltMethod, Method, Viewing, Walker as _};
 use super::picture;
 use super::receive::VoxelSum;
 use super::subject::Subject;
-use crate::GoOn;
-use adjsplat::error::{Error, Result};
+use crate::{GoOn, report_step};
+use adjsplat::error::Result;
 use adjsplat::splat::{Camera, Frame, Orbit, Settings, cpu};
 
 /// Settings of the measurement.
@@ -58,7 +58,7 @@ pub struct Speed {
 /// Measures all methods of `options`; `go_on` receives the frames done and in total, and can cancel.
 ///
 /// # Errors
-/// Any error of building the methods and of drawing; [`Error::Interrupted`] if `go_on` cancels.
+/// Any error of building the methods and of drawing; [`Error::Interrupted`](adjsplat::Error::Interrupted) if `go_on` cancels.
 pub fn measure(subject: &Subject, options: &SpeedOptions, go_on: GoOn) -> Result<Vec<Speed>> {
     let mut found = Vec::new();
     let total = options.methods.len() as u64 * 2 * u64::from(options.frames);
@@ -95,9 +95,7 @@ pub fn measure(subject: &Subject, options: &SpeedOptions, go_on: GoOn) -> Result
                 speed.displaying += share * seconds;
                 picture.pixels().iter().for_each(|sample| pictures.update(&sample.to_le_bytes()));
                 done += 1;
-                if go_on(done, total).is_break() {
-                    return Err(Error::Interrupted);
-                }
+                report_step(go_on, done, total)?;
             }
             speed.pictures = pictures.digest();
             found.push(speed);

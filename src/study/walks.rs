@@ -12,8 +12,8 @@ use super::levels::geometric_mean;
 use super::picture;
 use super::receive::{CoordinateSum, VoxelSum};
 use super::subject::Subject;
-use crate::GoOn;
-use adjsplat::error::{Error, Result};
+use crate::{GoOn, report_step};
+use adjsplat::error::Result;
 use adjsplat::splat::{Orbit, Settings};
 use adjsplat::traverse::{Order, Sense, SplitForm, Viewpoint};
 
@@ -119,7 +119,7 @@ pub fn order(index: usize) -> Order {
 /// The structures of all methods are in memory at once.
 ///
 /// # Errors
-/// Any error of [`Method::build`] and [`Views::of`]; [`Error::Interrupted`] if `go_on` cancels.
+/// Any error of [`Method::build`] and [`Views::of`]; [`Error::Interrupted`](adjsplat::Error::Interrupted) if `go_on` cancels.
 pub fn measure(
     subject: &Subject,
     methods: &[Method],
@@ -148,9 +148,7 @@ pub fn measure(
         for (walks, seconds) in found.iter_mut().zip(fastest) {
             walks.ns.push(seconds * 1e9 / visible);
         }
-        if go_on(index as u64 + 1, views.len() as u64).is_break() {
-            return Err(Error::Interrupted);
-        }
+        report_step(go_on, index as u64 + 1, views.len() as u64)?;
     }
     Ok(found)
 }

@@ -24,7 +24,7 @@ use adjsplat_study::baselines::{Method, Viewing, Walker as _};
 use adjsplat_study::cache::counters;
 use adjsplat_study::cache::{CacheFigures, Geometry, TraceWriter, measure};
 use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};
-use adjsplat_study::{GoOn, Subject};
+use adjsplat_study::{GoOn, Subject, report_step};
 
 /// Count the cache misses of every method, in a model that is the same on every machine
 #[derive(Debug, Args)]
@@ -195,9 +195,7 @@ fn study(
         let (figures, visited) = measure(&mut measured.walk, &Viewing::along(*order), geometry, false);
         debug_assert_eq!(visited, subject.voxels.len() as u64, "{} visits each voxel once", measured.layout);
         of_orders.push((order_name(order), figures));
-        if go_on(index as u64 + 1, total).is_break() {
-            return Err(Error::Interrupted);
-        }
+        report_step(go_on, index as u64 + 1, total)?;
     }
     let first_misses = |figures: &CacheFigures| figures.levels.first().map_or(figures.touches, |level| level.all);
     let worst = (0..of_orders.len()).max_by_key(|&index| first_misses(&of_orders[index].1)).unwrap_or(0);

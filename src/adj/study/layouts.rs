@@ -11,7 +11,7 @@ use super::orders::Orders;
 use super::output::OutputArguments;
 use super::sets::SetArguments;
 use super::{CODES, each_set, orders, table_of};
-use adjsplat::error::{Error, Result};
+use adjsplat::error::Result;
 use adjsplat::traverse::Order;
 use adjsplat_study::any_walk::AnyWalk;
 use adjsplat_study::baselines::{Viewing, Walker as _};
@@ -20,7 +20,7 @@ use adjsplat_study::lane_walk::CodesRead;
 use adjsplat_study::layouts::{LaneLayout, LayoutWalk};
 use adjsplat_study::report::ReportCell;
 use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
-use adjsplat_study::{GoOn, Subject};
+use adjsplat_study::{GoOn, Subject, report_step};
 
 /// Compare other layouts of the file with ours: bytes, cache misses, time of a walk
 #[derive(Debug, Args)]
@@ -152,9 +152,7 @@ fn measure_all(
         for (found, ns) in found.iter_mut().zip(fastest) {
             found.ns.push(ns);
         }
-        if go_on(index as u64 + 1, orders.len() as u64).is_break() {
-            return Err(Error::Interrupted);
-        }
+        report_step(go_on, index as u64 + 1, orders.len() as u64)?;
     }
     Ok(found)
 }

@@ -9,10 +9,9 @@ use super::candidate::{Candidate, Drawer};
 use super::front::front;
 use super::truth::truth;
 use super::view::JudgedView;
-use crate::GoOn;
 use crate::baselines::{BuiltMethod, Octree};
-use crate::picture;
-use adjsplat::error::{Error, Result};
+use crate::{GoOn, picture, report_step};
+use adjsplat::error::Result;
 use adjsplat::internals::in_order;
 use adjsplat::splat::{Frame, Quality, View, cpu};
 use adjsplat_judge::metrics::{Metrics, compare};
@@ -72,7 +71,7 @@ pub fn mark_front(outcomes: &mut [Outcome]) {
 /// views. Takes memory for one frame per thread, and for the reference pictures of all views.
 ///
 /// # Errors
-/// Any error of drawing; [`Error::Interrupted`] if `go_on` cancels.
+/// Any error of drawing; [`Error::Interrupted`](adjsplat::Error::Interrupted) if `go_on` cancels.
 pub fn measure(
     set: &JudgedSet,
     views: &[JudgedView],
@@ -91,7 +90,7 @@ pub fn measure(
     let mut done = 0;
     let mut step = |steps: usize| {
         done += steps as u64;
-        if go_on(done.min(total), total).is_break() { Err(Error::Interrupted) } else { Ok(()) }
+        report_step(go_on, done.min(total), total)
     };
     let mut outcomes = Vec::new();
     for (index, view) in views.iter().enumerate() {

@@ -9,7 +9,7 @@
 
 use super::view::JudgedView;
 use super::{Candidate, JudgedSet};
-use crate::GoOn;
+use crate::{GoOn, report_step};
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Frame, Quality, View, cpu};
 use adjsplat_judge::metrics::{Metrics, compare};
@@ -94,9 +94,7 @@ pub fn measure(
             push(ErrorPart::Arithmetic, Some(number), &nested, &drawn)?;
             push(ErrorPart::All, Some(number), &integral, &drawn)?;
         }
-        if go_on(index as u64 + 1, views.len() as u64).is_break() {
-            return Err(Error::Interrupted);
-        }
+        report_step(go_on, index as u64 + 1, views.len() as u64)?;
     }
     Ok(shares)
 }

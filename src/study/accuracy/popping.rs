@@ -9,8 +9,8 @@
 
 use super::JudgedSet;
 use super::candidate::Candidate;
-use crate::GoOn;
-use adjsplat::error::{Error, Result};
+use crate::{GoOn, report_step};
+use adjsplat::error::Result;
 use adjsplat::splat::{Camera, Frame, Orbit, Projection, Quality, Surround, View, cpu};
 use adjsplat::traverse;
 use adjsplat::traverse::{Sense, SplitForm};
@@ -59,7 +59,7 @@ pub struct Popping {
 /// Returns nothing if no azimuth switches the slow axis.
 ///
 /// # Errors
-/// Any error of drawing; [`Error::Interrupted`] if `go_on` cancels.
+/// Any error of drawing; [`Error::Interrupted`](adjsplat::Error::Interrupted) if `go_on` cancels.
 pub fn measure(set: &JudgedSet, presets: &[Candidate], threads: usize, go_on: GoOn) -> Result<Vec<Popping>> {
     let visible = set.judge.visible();
     let (grid, Some((low, high))) = (visible.grid(), visible.bounds()) else { return Ok(Vec::new()) };
@@ -90,9 +90,7 @@ pub fn measure(set: &JudgedSet, presets: &[Candidate], threads: usize, go_on: Go
                 push(format!("{}, {} bits", candidate.quality_name(), candidate.value_bits), found);
             }
             done += 1;
-            if go_on(done, total).is_break() {
-                return Err(Error::Interrupted);
-            }
+            report_step(go_on, done, total)?;
         }
     }
     Ok(all)
