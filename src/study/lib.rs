@@ -27,7 +27,6 @@ pub fn report_step(go_on: GoOn, done: u64, total: u64) -> Result<()> {
 }
 
 pub mod accuracy;
-pub mod any_walk;
 pub mod baselines;
 pub mod cache;
 pub mod lane_walk;
@@ -46,6 +45,6 @@ pub mod trace;
 pub mod walks;
 pub mod zoom;
 
-pub use baselines::{BuiltMethod, Method, Receiver, Walker};
+pub use baselines::{Method, Receiver, Structure, Walker};
 pub use subject::Subject;
 pub use trace::{Trace, Untraced};

@@ -3,7 +3,7 @@
 //! In: a subject, a camera, and a method or a sequence of voxels. Out: a frame. The same voxels in the same order give
 //! the same bits of the frame; in the renderer's order, those of [`render`](adjsplat::splat::cpu::render).
 
-use super::baselines::{BuiltMethod, Normal, Receiver as _, Viewing, Walker as _};
+use super::baselines::{Normal, Receiver as _, Structure, Viewing, Walker as _};
 use super::subject::{Subject, VisibleVoxel};
 use super::trace::Untraced;
 use crate::splatter;
@@ -47,7 +47,7 @@ pub fn of_method(
     subject: &Subject,
     camera: &Camera,
     settings: &Settings,
-    built: &mut BuiltMethod,
+    built: &mut Structure,
     drawing: bool,
 ) -> Result<Frame> {
     let viewing = viewing(subject, camera, settings)?;

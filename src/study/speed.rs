@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use xxhash_rust::xxh3::Xxh3;
 
-use super::baselines::{BuiltMethod, Method, Viewing, Walker as _};
+use super::baselines::{Method, Structure, Viewing, Walker as _};
 use super::picture;
 use super::receive::VoxelSum;
 use super::subject::Subject;
@@ -130,7 +130,7 @@ impl TurnedView {
         Ok(TurnedView { settings, camera, viewing })
     }
 
-    fn undrawn(&self, subject: &Subject, built: &mut BuiltMethod) -> Result<Undrawn> {
+    fn undrawn(&self, subject: &Subject, built: &mut Structure) -> Result<Undrawn> {
         let start = Instant::now();
         let sum = black_box(built.received::<VoxelSum>(&self.viewing));
         let walk = start.elapsed().as_secs_f64();
@@ -141,10 +141,10 @@ impl TurnedView {
     }
 
     /// Draws the view; returns the picture and the seconds that it took.
-    fn drawn(&self, subject: &Subject, built: &mut BuiltMethod) -> Result<(Frame, f64)> {
+    fn drawn(&self, subject: &Subject, built: &mut Structure) -> Result<(Frame, f64)> {
         let start = Instant::now();
         let picture = match built {
-            BuiltMethod::Adjsplat(_) => cpu::render(&picture::scene(subject), &self.camera, &self.settings)?.0,
+            Structure::Adjsplat(_) => cpu::render(&picture::scene(subject), &self.camera, &self.settings)?.0,
             _ => picture::of_method(subject, &self.camera, &self.settings, built, true)?,
         };
         Ok((picture, start.elapsed().as_secs_f64()))

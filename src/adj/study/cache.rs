@@ -19,8 +19,7 @@ use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::write_atomically_unless;
 use adjsplat::traverse::Order;
-use adjsplat_study::any_walk::AnyWalk;
-use adjsplat_study::baselines::{Method, Viewing, Walker as _};
+use adjsplat_study::baselines::{Method, Structure, Viewing, Walker as _};
 use adjsplat_study::cache::counters;
 use adjsplat_study::cache::{CacheFigures, Geometry, TraceWriter, measure};
 use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};
@@ -91,7 +90,7 @@ pub(super) struct Measured<'a> {
     pub(super) method: Method,
     pub(super) layout: String,
     pub(super) codes: Option<CodesRead>,
-    pub(super) walk: AnyWalk<'a>,
+    pub(super) walk: Structure<'a>,
 }
 
 impl Arguments {
@@ -150,10 +149,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
                         TileOrder::Hilbert | TileOrder::Rows => format!("{}-{}", method.name(), tile_order.name()),
                     };
                     let walk = OwnWalk::new(lanes.each_ref().map(OwnedLane::view), codes);
-                    Measured { method, layout, codes: Some(codes), walk: AnyWalk::Own(walk) }
+                    Measured { method, layout, codes: Some(codes), walk: Structure::OwnWalk(walk) }
                 }
                 None => {
-                    let walk = AnyWalk::Method(method.build(subject)?);
+                    let walk = method.build(subject)?;
                     Measured { method, layout: method.name().to_owned(), codes: None, walk }
                 }
             };
@@ -219,7 +218,7 @@ fn only_walk(arguments: &Arguments, times: u32) -> Result<Answer> {
     let (method, viewing) = arguments.only()?;
     each_set(&arguments.sets, arguments.sets.list()?, true, |subject, _| {
         sound(subject)?;
-        let mut walk = AnyWalk::Method(method.build(subject)?);
+        let mut walk = method.build(subject)?;
         let swept = vec![1u8; SWEPT_BYTES];
         black_box(black_box(&swept).iter().step_by(16).map(|&byte| u64::from(byte)).sum::<u64>());
         let visited: u64 = (0..times).map(|_| walk.summed(&viewing).count).sum();

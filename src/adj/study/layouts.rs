@@ -13,8 +13,7 @@ use super::sets::SetArguments;
 use super::{CODES, each_set, orders, table_of};
 use adjsplat::error::Result;
 use adjsplat::traverse::Order;
-use adjsplat_study::any_walk::AnyWalk;
-use adjsplat_study::baselines::{Viewing, Walker as _};
+use adjsplat_study::baselines::{Structure, Viewing, Walker as _};
 use adjsplat_study::cache::{Geometry, measure};
 use adjsplat_study::lane_walk::CodesRead;
 use adjsplat_study::layouts::{LaneLayout, LayoutWalk};
@@ -128,9 +127,9 @@ fn measure_all(
     go_on: GoOn,
 ) -> Result<Vec<LayoutFigures>> {
     let geometry = Geometry::default();
-    let mut walks: Vec<AnyWalk> = Vec::new();
+    let mut walks: Vec<Structure> = Vec::new();
     for &layout in layouts {
-        walks.push(AnyWalk::Layout(LayoutWalk::new(subject, layout, codes)?));
+        walks.push(Structure::Layout(LayoutWalk::new(subject, layout, codes)?));
     }
     let mut found: Vec<LayoutFigures> =
         walks.iter().map(|walk| LayoutFigures { bytes: walk.bytes(), ..LayoutFigures::default() }).collect();

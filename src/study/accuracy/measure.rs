@@ -9,7 +9,7 @@ use super::candidate::{Candidate, Drawer};
 use super::front::front;
 use super::truth::truth;
 use super::view::JudgedView;
-use crate::baselines::{BuiltMethod, Octree};
+use crate::baselines::{Octree, Structure};
 use crate::{GoOn, picture, report_step};
 use adjsplat::error::Result;
 use adjsplat::internals::in_order;
@@ -81,7 +81,7 @@ pub fn measure(
 ) -> Result<Vec<Outcome>> {
     let octree = match set.subject {
         Some(subject) if candidates.iter().any(|candidate| matches!(candidate.drawer, Drawer::Octree(_))) => {
-            Some(Mutex::new(BuiltMethod::Octree(Octree::new(subject, 0.0)?)))
+            Some(Mutex::new(Structure::Octree(Octree::new(subject, 0.0)?)))
         }
         _ => None,
     };
@@ -148,7 +148,7 @@ fn over_all(views: &[JudgedView], candidates: usize, outcomes: &[Outcome]) -> Ve
 struct CandidateRenderer<'a> {
     set: &'a JudgedSet<'a>,
     /// The octree, which is shared by all pictures; each picture sets its own threshold.
-    octree: Option<Mutex<BuiltMethod<'a>>>,
+    octree: Option<Mutex<Structure<'a>>>,
 }
 
 impl CandidateRenderer<'_> {
@@ -192,7 +192,7 @@ impl CandidateRenderer<'_> {
         match (candidate.drawer, &self.octree, set.subject) {
             (Drawer::Octree(threshold), Some(octree), Some(subject)) => {
                 let mut built = octree.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-                if let BuiltMethod::Octree(octree) = &mut *built {
+                if let Structure::Octree(octree) = &mut *built {
                     octree.set_threshold(threshold)?;
                 }
                 picture::of_method(subject, &view.camera, &settings, &mut built, true)

@@ -31,7 +31,7 @@ mod unordered;
 
 pub use adjacency_a::AdjacencyA;
 pub use adjacency_b::{AdjacencyB, Storage};
-pub use method::{BuiltMethod, Method, names};
+pub use method::{Method, Structure, names};
 pub use octree::Octree;
 pub use shell::{Lists, Shell};
 
