@@ -51,11 +51,10 @@ pub fn of_method(
     drawing: bool,
 ) -> Result<Frame> {
     let viewing = viewing(subject, camera, settings)?;
-    let (frame, _) = splatter::splat(&scene(subject), camera, settings, drawing, |splatter| {
+    splatter::splat(&scene(subject), camera, settings, drawing, |splatter| {
         built.walk(&viewing, splatter, &mut Untraced);
         Ok(())
-    })?;
-    Ok(frame)
+    })
 }
 
 /// Draws `voxels` in the order in which they come.
@@ -68,11 +67,10 @@ pub fn of_voxels(
     settings: &Settings,
     voxels: impl IntoIterator<Item = VisibleVoxel>,
 ) -> Result<Frame> {
-    let (frame, _) = splatter::splat(&scene(subject), camera, settings, true, |splatter| {
+    splatter::splat(&scene(subject), camera, settings, true, |splatter| {
         for voxel in voxels {
             splatter.voxel(voxel.position, voxel.value, Normal::Code(voxel.normal));
         }
         Ok(())
-    })?;
-    Ok(frame)
+    })
 }
