@@ -18,7 +18,7 @@ use super::allocate::{counted, filled, push, reserved};
 use super::{Normal, Receiver, Viewing, Walker, coordinates, narrow, nesting, placed};
 use crate::Subject;
 use crate::subject::VisibleVoxel;
-use crate::trace::{Trace, WalkerArray};
+use crate::trace::{Trace, WalkerArray, along_axes};
 use adjsplat::error::Result;
 use adjsplat::traverse::AxisOrder;
 use adjsplat::volume::Axis;
@@ -137,11 +137,7 @@ impl RunLines {
 
 impl Walker for RunLength {
     fn arrays(&self) -> Vec<WalkerArray> {
-        const NAMES: [[&str; ARRAYS]; 3] = [
-            ["lines along x", "pairs along x", "values along x", "normals along x"],
-            ["lines along y", "pairs along y", "values along y", "normals along y"],
-            ["lines along z", "pairs along z", "values along z", "normals along z"],
-        ];
+        const NAMES: [[&str; ARRAYS]; 3] = along_axes!("lines along", "pairs along", "values along", "normals along");
         let arrays = |(lines, names): (&RunLines, [&'static str; ARRAYS])| {
             [
                 WalkerArray::of(names[0], &lines.starts),

@@ -16,7 +16,7 @@
 use super::allocate::{counted, filled, product, reserved};
 use super::{Normal, Receiver, Viewing, Walker, coordinates, placed};
 use crate::Subject;
-use crate::trace::{Trace, WalkerArray};
+use crate::trace::{Trace, WalkerArray, along_axes};
 use adjsplat::error::Result;
 use adjsplat::traverse::{AxisOrder, Viewpoint};
 use adjsplat::volume::Axis;
@@ -168,11 +168,7 @@ fn toward_eye(viewpoint: Viewpoint, axis: usize, coordinate: u16) -> u8 {
 
 impl Walker for Shell {
     fn arrays(&self) -> Vec<WalkerArray> {
-        const NAMES: [[&str; 2]; 3] = [
-            ["row pointers along x", "voxels along x"],
-            ["row pointers along y", "voxels along y"],
-            ["row pointers along z", "voxels along z"],
-        ];
+        const NAMES: [[&str; 2]; 3] = along_axes!("row pointers along", "voxels along");
         let arrays = |(rows, [pointers, voxels]): (&ShellRows, [&'static str; 2])| {
             [WalkerArray::of(pointers, &rows.pointers), WalkerArray::of(voxels, &rows.voxels)]
         };

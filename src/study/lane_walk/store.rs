@@ -1,6 +1,6 @@
 //! Where the bytes of a lane lie: answers what a walk asks of a lane, and traces the bytes that each answer reads.
 
-use crate::trace::{Trace, WalkerArray};
+use crate::trace::{Trace, WalkerArray, along_axes};
 use adjsplat::arena::layout::{TILE_EDGE, line_end_bytes};
 use adjsplat::arena::{Lane, TileRecord};
 use adjsplat::volume::Axis;
@@ -79,11 +79,7 @@ const STEPS: usize = 2;
 const VALUES: usize = 3;
 const NORMALS: usize = 4;
 pub(super) const OF_A_LANE: usize = 5;
-const NAMES: [[&str; OF_A_LANE]; 3] = [
-    ["tiles x", "line ends x", "steps x", "values x", "normals x"],
-    ["tiles y", "line ends y", "steps y", "values y", "normals y"],
-    ["tiles z", "line ends z", "steps z", "values z", "normals z"],
-];
+const NAMES: [[&str; OF_A_LANE]; 3] = along_axes!("tiles", "line ends", "steps", "values", "normals");
 
 /// Offset and number of bytes of each field of a tile record.
 const PLACE: (usize, usize) = (0, 4);
