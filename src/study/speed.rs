@@ -86,10 +86,7 @@ pub fn measure(subject: &Subject, options: &SpeedOptions, go_on: GoOn) -> Result
                 let fov = perspective.then_some(options.fov);
                 let view = TurnedView::new(subject, options, turned, fov)?;
                 if frame.is_multiple_of(UNDRAWN) {
-                    let undrawn = view.undrawn(subject, &mut built)?;
-                    speed.splats += undrawn_share * undrawn.splats;
-                    speed.non_displaying += undrawn_share * undrawn.non_displaying;
-                    speed.walk += undrawn_share * undrawn.walk;
+                    view.add_undrawn(subject, &mut built, undrawn_share, &mut speed)?;
                 }
                 let (picture, seconds) = view.drawn(subject, &mut built)?;
                 speed.displaying += share * seconds;
@@ -114,13 +111,6 @@ struct TurnedView {
     viewing: Viewing,
 }
 
-/// Number of splats of a frame, its seconds without drawing, and the seconds of its walk.
-struct Undrawn {
-    splats: f64,
-    non_displaying: f64,
-    walk: f64,
-}
-
 impl TurnedView {
     fn new(subject: &Subject, options: &SpeedOptions, azimuth: f64, fov: Option<f64>) -> Result<TurnedView> {
         let settings = Settings::every_pixel(options.size);
@@ -130,14 +120,16 @@ impl TurnedView {
         Ok(TurnedView { settings, camera, viewing })
     }
 
-    fn undrawn(&self, subject: &Subject, built: &mut Structure) -> Result<Undrawn> {
+    /// Adds this share of what is measured without drawing: the number of splats, the seconds, and those of the walk.
+    fn add_undrawn(&self, subject: &Subject, built: &mut Structure, share: f64, speed: &mut Speed) -> Result<()> {
         let start = Instant::now();
         let sum = black_box(built.received::<VoxelSum>(&self.viewing));
-        let walk = start.elapsed().as_secs_f64();
+        speed.walk += share * start.elapsed().as_secs_f64();
         let start = Instant::now();
         drop(black_box(picture::of_method(subject, &self.camera, &self.settings, built, false)?));
-        let non_displaying = start.elapsed().as_secs_f64();
-        Ok(Undrawn { splats: sum.count as f64, non_displaying, walk })
+        speed.non_displaying += share * start.elapsed().as_secs_f64();
+        speed.splats += share * sum.count as f64;
+        Ok(())
     }
 
     /// Draws the view; returns the picture and the seconds that it took.

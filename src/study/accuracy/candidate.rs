@@ -113,15 +113,11 @@ impl Candidate {
     /// # Errors
     /// Any error of [`Order::new`].
     pub fn settings(&self, view: &View, dims: [u32; 3]) -> Result<Settings> {
+        let own = Order::new(view.viewpoint, dims, self.sense, SplitForm::default())?;
         let order = match self.nesting {
             Nesting::Own => None,
-            Nesting::MediumFastSwapped | Nesting::SlowFastSwapped => {
-                let own = Order::new(view.viewpoint, dims, self.sense, SplitForm::default())?;
-                Some(match self.nesting {
-                    Nesting::SlowFastSwapped => Order { slow: own.fast, fast: own.slow, ..own },
-                    _ => Order { medium: own.fast, fast: own.medium, ..own },
-                })
-            }
+            Nesting::MediumFastSwapped => Some(Order { medium: own.fast, fast: own.medium, ..own }),
+            Nesting::SlowFastSwapped => Some(Order { slow: own.fast, fast: own.slow, ..own }),
         };
         Ok(Settings::every_pixel(view.size)
             .with_quality(self.quality.unwrap_or_default())

@@ -12,8 +12,7 @@ use super::candidate::Candidate;
 use crate::{GoOn, report_step};
 use adjsplat::error::Result;
 use adjsplat::splat::{Camera, Frame, Orbit, Projection, Quality, Surround, View, cpu};
-use adjsplat::traverse;
-use adjsplat::traverse::{Sense, SplitForm};
+use adjsplat::traverse::{Order, Sense, SplitForm};
 use adjsplat::volume::{Axis, Grid};
 use adjsplat_judge::reference::{JudgeSettings, SplatOrder};
 
@@ -143,7 +142,7 @@ impl<'a> Turn<'a> {
 
     fn slow(&self, azimuth: f64) -> Result<Axis> {
         let view = self.view(&self.camera(azimuth)?)?;
-        let order = traverse::Order::new(view.viewpoint, self.grid.dims, Sense::FrontToBack, SplitForm::default())?;
+        let order = Order::new(view.viewpoint, self.grid.dims, Sense::FrontToBack, SplitForm::default())?;
         Ok(order.slow)
     }
 
