@@ -11,17 +11,17 @@ const TABLE_BYTES: usize = 64 << 20;
 /// Converts a set of voxels from record indices of lane `from` to those of lane `to`.
 ///
 /// `set` tells whether a record of `from` is in the set; the records of `to` that hold the same voxels are added to
-/// `into`. A *slab* is eight coordinates on the axis along which neither lane runs. In both lanes it consists of whole
+/// `into`. Both may be the same lane. A *slab* is eight coordinates on the axis along which neither lane runs. In both lanes it consists of whole
 /// tiles, so a table with one bit per voxel of a slab converts between them. Time: O(records + lines of the face),
 /// several times that only if a slab's table would exceed 64 MiB.
-///
-/// # Panics
-/// If both lanes run along the same axis.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`](adjsplat::Error::OutOfMemory).
 pub(super) fn carry(from: &Lane, set: &dyn Fn(usize) -> bool, to: &Lane, into: &RecordSet) -> Result<()> {
-    assert!(from.axis != to.axis, "the lanes run along different axes");
+    if from.axis == to.axis {
+        (0..from.steps.len()).filter(|&record| set(record)).for_each(|record| into.insert(record));
+        return Ok(());
+    }
     let wide = from.dims[to.axis.index()] as usize;
     let long = from.dims[from.axis.index()] as usize;
     let part = (TABLE_BYTES / wide.max(1)).clamp(1, long.max(1));

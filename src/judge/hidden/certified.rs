@@ -92,11 +92,7 @@ pub(super) fn possibly_visible(
                 report_step(observer, CullingStage::Look, done, 6 * kernels.len() as u64)?;
             }
         }
-        if fast == Axis::X {
-            seen.add_all(&open);
-        } else {
-            carry(&lane, &|record| open.contains(record), &x_lane, seen)?;
-        }
+        carry(&lane, &|record| open.contains(record), &x_lane, seen)?;
     }
     Ok(())
 }
