@@ -52,7 +52,7 @@ pub fn allowed(quality: Quality) -> Option<f64> {
         Quality::Standard => 38.0,
         Quality::High | Quality::Reference => return None,
     };
-    Some(root_mean_square(decibels))
+    Some(10f64.powf(-decibels / 20.0))
 }
 
 /// Draws a zoom for each of `qualities`, and measures its frames. `go_on` receives the frames done and in total, and can cancel.
@@ -105,8 +105,4 @@ fn changes(pair: [&Frame; 2], judged: [&Frame; 2]) -> [f64; 2] {
         squares[1] += square(c, d);
     }
     squares.map(|sum| (sum / f64::from(count.max(1))).sqrt())
-}
-
-fn root_mean_square(decibels: f64) -> f64 {
-    10f64.powf(-decibels / 20.0)
 }

@@ -13,7 +13,7 @@ use crate::baselines::{Octree, Structure};
 use crate::{GoOn, picture, report_step};
 use adjsplat::error::Result;
 use adjsplat::internals::in_order;
-use adjsplat::splat::{Frame, Quality, View, cpu};
+use adjsplat::splat::Frame;
 use adjsplat_judge::metrics::{Metrics, compare};
 
 /// How often and with how many threads candidates are measured.
@@ -186,21 +186,16 @@ impl CandidateRenderer<'_> {
 
     fn draw(&self, view: &JudgedView, candidate: &Candidate) -> Result<Frame> {
         let set = self.set;
-        let grid = set.judge.visible().grid();
-        let looked = View::new(&view.camera, grid, view.size, Quality::Reference.kernel(), None)?;
-        let settings = candidate.settings(&looked, grid.dims)?;
         match (candidate.drawer, &self.octree, set.subject) {
             (Drawer::Octree(threshold), Some(octree), Some(subject)) => {
                 let mut built = octree.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
                 if let Structure::Octree(octree) = &mut *built {
                     octree.set_threshold(threshold)?;
                 }
+                let settings = candidate.settings(&view.camera, set.judge.visible().grid(), view.size)?;
                 picture::of_method(subject, &view.camera, &settings, &mut built, true)
             }
-            _ => {
-                let scene = set.file(candidate.value_bits, candidate.normal_bits)?;
-                Ok(cpu::render(&scene, &view.camera, &settings)?.0)
-            }
+            _ => set.render(candidate, &view.camera, view.size, 1),
         }
     }
 }

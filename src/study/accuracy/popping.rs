@@ -11,7 +11,7 @@ use super::JudgedSet;
 use super::candidate::Candidate;
 use crate::{GoOn, report_step};
 use adjsplat::error::Result;
-use adjsplat::splat::{Camera, Frame, Orbit, Projection, Quality, Surround, View, cpu};
+use adjsplat::splat::{Camera, Frame, Orbit, Projection, Quality, Surround, View};
 use adjsplat::traverse::{Order, Sense, SplitForm};
 use adjsplat::volume::{Axis, Grid};
 use adjsplat_judge::reference::{JudgeSettings, SplatOrder};
@@ -81,11 +81,7 @@ pub fn measure(set: &JudgedSet, presets: &[Candidate], threads: usize, go_on: Go
             };
             push("judge, nested".to_owned(), judged(SplatOrder::Nested)?);
             for candidate in presets {
-                let scene = set.file(candidate.value_bits, candidate.normal_bits)?;
-                let found = change(&cameras, |camera| {
-                    let settings = candidate.settings(&turn.view(camera)?, grid.dims)?;
-                    Ok(cpu::render(&scene, camera, &settings.with_threads(threads))?.0)
-                })?;
+                let found = change(&cameras, |camera| set.render(candidate, camera, turn.size, threads))?;
                 push(format!("{}, {} bits", candidate.quality_name(), candidate.value_bits), found);
             }
             done += 1;
@@ -136,12 +132,8 @@ impl<'a> Turn<'a> {
         Camera::orbiting(Orbit { azimuth, elevation: ELEVATION, ..Orbit::default() }, self.around, self.size)
     }
 
-    fn view(&self, camera: &Camera) -> Result<View> {
-        View::new(camera, self.grid, self.size, Quality::Reference.kernel(), None)
-    }
-
     fn slow(&self, azimuth: f64) -> Result<Axis> {
-        let view = self.view(&self.camera(azimuth)?)?;
+        let view = View::new(&self.camera(azimuth)?, self.grid, self.size, Quality::Reference.kernel(), None)?;
         let order = Order::new(view.viewpoint, self.grid.dims, Sense::FrontToBack, SplitForm::default())?;
         Ok(order.slow)
     }

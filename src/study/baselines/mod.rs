@@ -62,6 +62,15 @@ fn coordinates(points: u32) -> Vec<u16> {
     (0..=u16::MAX).take(points as usize).collect()
 }
 
+/// Calls `visit` with each pair of coordinates on the axes `slow` and `medium` of a grid, in the sequence of `order`.
+#[inline(always)]
+fn for_each_line(order: &Order, [slow, medium]: [usize; 2], dims: [u32; 3], mut visit: impl FnMut(usize, usize)) {
+    let [slow_all, medium_all] = [slow, medium].map(|axis| coordinates(dims[axis]));
+    order.along[slow].for_each_index(&slow_all, |s| {
+        order.along[medium].for_each_index(&medium_all, |m| visit(s, m));
+    });
+}
+
 /// Converts a coordinate of the grid, which fits 16 bits.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "grids have at most 65,535 points an axis")]

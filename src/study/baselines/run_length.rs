@@ -15,7 +15,7 @@
 //! Transformation", SIGGRAPH 1994.
 
 use super::allocate::{counted, filled, push, reserved};
-use super::{Normal, Receiver, Viewing, Walker, coordinates, narrow, nesting, placed};
+use super::{Normal, Receiver, Viewing, Walker, for_each_line, narrow, nesting, placed};
 use crate::Subject;
 use crate::subject::VisibleVoxel;
 use crate::trace::{Trace, WalkerArray, along_axes};
@@ -154,68 +154,63 @@ impl Walker for RunLength {
         let [slow, medium, fast] = nesting(order);
         let lines = &self.lines[fast];
         let array = ARRAYS * fast;
-        let [slow_all, medium_all] = [slow, medium].map(|axis| coordinates(self.dims[axis]));
         let last = usize::try_from(self.dims[fast]).expect("an axis has at most 65,535 points");
-        let mut position = [0; 3];
         let mut row: Vec<u16> = Vec::new();
-        order.along[slow].for_each_index(&slow_all, |s| {
-            position[slow] = slow_all[s];
-            order.along[medium].for_each_index(&medium_all, |m| {
-                let line = s * lines.stride[slow] + m * lines.stride[medium];
-                trace.read(array, 8 * line, 16);
-                let [start, end] = [lines.starts[line], lines.starts[line + 1]];
-                if start.payload == end.payload {
-                    return;
-                }
-                position[medium] = medium_all[m];
-                let mut show = |coordinate: u16, payload: usize, trace: &mut T| {
-                    trace.read(array + 2, payload, 1);
-                    trace.read(array + 3, 2 * payload, 2);
-                    let position = placed(position, fast, coordinate);
-                    receiver.voxel(position, lines.values[payload], Normal::Code(lines.normals[payload]));
-                };
-                let first_pair = start.pair as usize;
-                let pairs = lines.pairs[first_pair..end.pair as usize].iter().enumerate();
-                let mut payload = start.payload as usize;
-                match order.along[fast] {
-                    AxisOrder::Ascending => {
-                        let mut at = 0;
-                        for (index, &[empty, visible]) in pairs {
-                            trace.read(array + 1, 2 * (first_pair + index), 2);
-                            at += usize::from(empty);
-                            for _ in 0..visible {
-                                show(narrow(at), payload, trace);
-                                at += 1;
-                                payload += 1;
-                            }
+        for_each_line(order, [slow, medium], self.dims, |s, m| {
+            let line = s * lines.stride[slow] + m * lines.stride[medium];
+            trace.read(array, 8 * line, 16);
+            let [start, end] = [lines.starts[line], lines.starts[line + 1]];
+            if start.payload == end.payload {
+                return;
+            }
+            let position = placed(placed([0; 3], slow, narrow(s)), medium, narrow(m));
+            let mut show = |coordinate: u16, payload: usize, trace: &mut T| {
+                trace.read(array + 2, payload, 1);
+                trace.read(array + 3, 2 * payload, 2);
+                let position = placed(position, fast, coordinate);
+                receiver.voxel(position, lines.values[payload], Normal::Code(lines.normals[payload]));
+            };
+            let first_pair = start.pair as usize;
+            let pairs = lines.pairs[first_pair..end.pair as usize].iter().enumerate();
+            let mut payload = start.payload as usize;
+            match order.along[fast] {
+                AxisOrder::Ascending => {
+                    let mut at = 0;
+                    for (index, &[empty, visible]) in pairs {
+                        trace.read(array + 1, 2 * (first_pair + index), 2);
+                        at += usize::from(empty);
+                        for _ in 0..visible {
+                            show(narrow(at), payload, trace);
+                            at += 1;
+                            payload += 1;
                         }
-                    }
-                    AxisOrder::Descending => {
-                        let mut at = last;
-                        payload = end.payload as usize;
-                        for (index, &[empty, visible]) in pairs.rev() {
-                            trace.read(array + 1, 2 * (first_pair + index), 2);
-                            for _ in 0..visible {
-                                at -= 1;
-                                payload -= 1;
-                                show(narrow(at), payload, trace);
-                            }
-                            at -= usize::from(empty);
-                        }
-                    }
-                    AxisOrder::TwoSided { .. } => {
-                        row.clear();
-                        let mut at = 0;
-                        for (index, &[empty, visible]) in pairs {
-                            trace.read(array + 1, 2 * (first_pair + index), 2);
-                            at += usize::from(empty);
-                            row.extend((at..at + usize::from(visible)).map(narrow));
-                            at += usize::from(visible);
-                        }
-                        order.along[fast].for_each_index(&row, |index| show(row[index], payload + index, trace));
                     }
                 }
-            });
+                AxisOrder::Descending => {
+                    let mut at = last;
+                    payload = end.payload as usize;
+                    for (index, &[empty, visible]) in pairs.rev() {
+                        trace.read(array + 1, 2 * (first_pair + index), 2);
+                        for _ in 0..visible {
+                            at -= 1;
+                            payload -= 1;
+                            show(narrow(at), payload, trace);
+                        }
+                        at -= usize::from(empty);
+                    }
+                }
+                AxisOrder::TwoSided { .. } => {
+                    row.clear();
+                    let mut at = 0;
+                    for (index, &[empty, visible]) in pairs {
+                        trace.read(array + 1, 2 * (first_pair + index), 2);
+                        at += usize::from(empty);
+                        row.extend((at..at + usize::from(visible)).map(narrow));
+                        at += usize::from(visible);
+                    }
+                    order.along[fast].for_each_index(&row, |index| show(row[index], payload + index, trace));
+                }
+            }
         });
     }
 }
