@@ -58,7 +58,7 @@ impl RunLength {
     /// Builds the runs of `subject`.
     ///
     /// # Errors
-    /// [`Error::Limit`] if there are 2^32 voxels or runs along an axis, or memory cannot be had.
+    /// [`Error::Limit`](adjsplat::Error::Limit) if there are 2^32 voxels or runs along an axis, or memory cannot be had.
     pub fn new(subject: &Subject) -> Result<RunLength> {
         let [x, y, z] = Axis::ALL.map(|axis| RunLines::new(subject, axis));
         Ok(RunLength { dims: subject.dims(), lines: [x?, y?, z?] })

@@ -67,7 +67,7 @@ impl Shell {
     /// Builds the rows of `subject`. A neighbour is opaque if its opacity is at least `opaque` (above 0, at most 1).
     ///
     /// # Errors
-    /// [`Error::Limit`] if there are 2^32 voxels or memory cannot be had; any error of [`Subject::looks`].
+    /// [`Error::Limit`](adjsplat::Error::Limit) if there are 2^32 voxels or memory cannot be had; any error of [`Subject::looks`].
     pub fn new(subject: &Subject, lists: Lists, opaque: f32) -> Result<Shell> {
         let opaque_codes = subject.looks()?.map(|look| 1.0 - (-look[3]).exp2() >= opaque);
         let [width, height, depth] = subject.dims().map(u64::from);

@@ -69,7 +69,7 @@ impl Bricks {
     /// Builds the bricks of `subject`.
     ///
     /// # Errors
-    /// [`Error::Limit`] if there are 2^32 voxels or memory cannot be had.
+    /// [`Error::Limit`](adjsplat::Error::Limit) if there are 2^32 voxels or memory cannot be had.
     pub fn new(subject: &Subject, order: BrickOrder) -> Result<Bricks> {
         let count = subject.voxels.len() as u64;
         counted("voxels of bricks", count)?;
