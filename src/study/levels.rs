@@ -6,9 +6,9 @@
 
 use std::collections::BTreeSet;
 
-use crate::GoOn;
+use crate::{GoOn, report_step};
 use adjsplat::Model;
-use adjsplat::error::{Error, Result};
+use adjsplat::error::Result;
 use adjsplat::internals::level_parts;
 use adjsplat::splat::{Camera, Lanes as _, Orbit, Projection, Quality, Settings};
 use adjsplat_judge::metrics;
@@ -127,7 +127,7 @@ pub fn sizes(model: &Model) -> Result<Vec<LevelSize>> {
 /// total, and can cancel.
 ///
 /// # Errors
-/// Any error of drawing; [`Error::Interrupted`] if `go_on` cancels.
+/// Any error of drawing; [`Error::Interrupted`](adjsplat::Error::Interrupted) if `go_on` cancels.
 pub fn measure(
     model: &Model,
     options: LevelOptions,
@@ -141,9 +141,7 @@ pub fn measure(
         let mut views = Vec::new();
         for direction in &DIRECTIONS[..options.views] {
             views.push(of_view(model, pixels, *direction, &choices, options.repetitions, clock)?);
-            if go_on((all.len() / choices.len() * options.views + views.len()) as u64, total).is_break() {
-                return Err(Error::Interrupted);
-            }
+            report_step(go_on, (all.len() / choices.len() * options.views + views.len()) as u64, total)?;
         }
         for (at, &choice) in choices.iter().enumerate() {
             all.push(together(pixels, choice, &views, at));

@@ -13,17 +13,27 @@ pub const CAN_PLOT: bool = cfg!(feature = "plot");
 
 use std::ops::ControlFlow;
 
+use adjsplat::error::{Error, Result};
+
 /// Receives the steps that a study has done and their total; can cancel it.
 pub type GoOn<'a> = &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>;
 
+/// Tells `go_on` the steps done and their total.
+///
+/// # Errors
+/// [`Error::Interrupted`] if it cancels.
+pub fn report_step(go_on: GoOn, done: u64, total: u64) -> Result<()> {
+    if go_on(done, total).is_break() { Err(Error::Interrupted) } else { Ok(()) }
+}
+
 pub mod accuracy;
-pub mod any_walk;
 pub mod baselines;
 pub mod cache;
 pub mod lane_walk;
 pub mod layouts;
 pub mod levels;
 pub mod memory;
+mod number_set;
 mod ours;
 pub mod picture;
 pub mod receive;
@@ -35,6 +45,6 @@ pub mod trace;
 pub mod walks;
 pub mod zoom;
 
-pub use baselines::{BuiltMethod, Method, Receiver, Walker};
+pub use baselines::{Method, Receiver, Structure, Walker};
 pub use subject::Subject;
 pub use trace::{Trace, Untraced};

@@ -4,6 +4,7 @@
 //! (Orchard and Möller 2001, section 4.2); the share of voxels at which implementations A and B take equal memory.
 
 use super::baselines::{Method, Walker as _};
+use super::number_set::NumberSet;
 use super::subject::Subject;
 use adjsplat::arena::Arena;
 use adjsplat::error::{Error, Result};
@@ -140,46 +141,24 @@ pub fn crossover(crossings: &[Crossing]) -> Option<f64> {
 pub fn virtual_voxels(arena: &Arena) -> Result<u64> {
     let dims = arena.facts().grid.dims;
     let lane = arena.lanes().next().ok_or_else(|| Error::input("file", "has no lane"))?;
-    let mut lines = [0; 3];
-    let mut slices = [0; 3];
-    let [u, v] = lane.axis.others();
-    lines[lane.axis.index()] = lane.line_ends.len() as u64;
+    let [u, v] = lane.axis.others().map(Axis::index);
+    let fast = lane.axis.index();
+    let points = dims.map(u64::from);
     // Lines along u differ in (fast, v), and lines along v differ in (fast, u).
-    let mut along_u = Occupied::new(u64::from(dims[lane.axis.index()]) * u64::from(dims[v.index()]));
-    let mut along_v = Occupied::new(u64::from(dims[lane.axis.index()]) * u64::from(dims[u.index()]));
-    let mut coordinates = Axis::ALL.map(|axis| Occupied::new(dims[axis.index()].into()));
+    let mut along_u = NumberSet::new(points[fast] * points[v]);
+    let mut along_v = NumberSet::new(points[fast] * points[u]);
+    let mut coordinates = points.map(NumberSet::new);
     for line in lane.lines() {
-        for (fast, _) in lane.line_voxels(line.records) {
-            along_u.set(u64::from(line.v) * u64::from(dims[lane.axis.index()]) + u64::from(fast));
-            along_v.set(u64::from(line.u) * u64::from(dims[lane.axis.index()]) + u64::from(fast));
-            coordinates[lane.axis.index()].set(fast.into());
-            coordinates[u.index()].set(line.u.into());
-            coordinates[v.index()].set(line.v.into());
+        for (at, _) in lane.line_voxels(line.records) {
+            let (at, line_u, line_v) = (u64::from(at), u64::from(line.u), u64::from(line.v));
+            along_u.insert(line_v * points[fast] + at);
+            along_v.insert(line_u * points[fast] + at);
+            coordinates[fast].insert(at);
+            coordinates[u].insert(line_u);
+            coordinates[v].insert(line_v);
         }
     }
-    lines[u.index()] = along_u.count();
-    lines[v.index()] = along_v.count();
-    for axis in Axis::ALL {
-        slices[axis.index()] = coordinates[axis.index()].count();
-    }
-    Ok(2 * lines.iter().sum::<u64>() + 4 * slices.iter().sum::<u64>() + 8)
-}
-
-/// A set of numbers below a limit, one bit each; numbers at or above the limit are ignored.
-struct Occupied(Vec<u64>);
-
-impl Occupied {
-    fn new(len: u64) -> Occupied {
-        Occupied(vec![0; usize::try_from(len.div_ceil(64)).unwrap_or(0)])
-    }
-
-    fn set(&mut self, number: u64) {
-        if let Some(word) = usize::try_from(number / 64).ok().and_then(|index| self.0.get_mut(index)) {
-            *word |= 1 << (number % 64);
-        }
-    }
-
-    fn count(&self) -> u64 {
-        self.0.iter().map(|word| u64::from(word.count_ones())).sum()
-    }
+    let lines = lane.line_ends.len() as u64 + along_u.count() + along_v.count();
+    let slices = coordinates.iter().map(NumberSet::count).sum::<u64>();
+    Ok(2 * lines + 4 * slices + 8)
 }

@@ -1,9 +1,9 @@
 //! Our own structure as a walker: the walk that renderers use, over a subject's lanes, in exact slice order.
 
-use super::baselines::{Normal, Receiver, Viewing, Walker, placed};
+use super::baselines::{Receiver, Viewing, Walker};
+use super::lane_walk::store::OwnStore;
 use super::subject::Subject;
 use super::trace::{Trace, WalkerArray};
-use adjsplat::arena::Lane;
 use adjsplat::error::Result;
 use adjsplat::traverse::{Batch, walk};
 use adjsplat::volume::Axis;
@@ -27,47 +27,14 @@ impl<'a> Adjsplat<'a> {
     }
 }
 
-/// Names of the five arrays of each lane.
-const NAMES: [[&str; 5]; 3] = [
-    ["tiles along x", "line ends along x", "steps along x", "values along x", "normals along x"],
-    ["tiles along y", "line ends along y", "steps along y", "values along y", "normals along y"],
-    ["tiles along z", "line ends along z", "steps along z", "values along z", "normals along z"],
-];
-
-/// Returns the bytes of a lane's arrays, in the order of [`NAMES`].
-fn bytes(lane: &Lane) -> [u64; 5] {
-    let line_ends = lane.line_ends.as_bytes().len();
-    [size_of_val(lane.tiles), line_ends, lane.steps.len(), lane.values.len(), lane.normals.len()]
-        .map(|bytes| bytes as u64)
-}
-
 impl Walker for Adjsplat<'_> {
-    fn method(&self) -> &'static str {
-        "adjsplat"
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
-        let lanes = Axis::ALL.map(|axis| bytes(&self.subject.lane(axis)));
-        let arrays = NAMES.iter().flatten().zip(lanes.into_iter().flatten());
-        arrays.map(|(name, bytes)| WalkerArray { name, bytes, scratch: false }).collect()
+        Axis::ALL.iter().flat_map(|&axis| OwnStore(self.subject.lane(axis)).arrays()).collect()
     }
 
     fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, _trace: &mut T) {
         let order = viewing.order;
         let lane = self.subject.lane(order.fast);
-        let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(|axis| axis.index());
-        // A subject's lanes have no edits: all records lie in the channels.
-        let (values, normals) = (lane.values, lane.normals.as_chunks().0);
-        walk(&lane, &order, &mut |batch: &Batch| {
-            let slice = placed([0; 3], slow, batch.slow);
-            let voxels = batch.medium.iter().zip(batch.fast).zip(batch.record);
-            let first = batch.record_index(0) - batch.record[0] as usize;
-            for ((&m, &f), &record) in voxels {
-                let position = placed(placed(slice, medium, m), fast, f);
-                let record = first + record as usize;
-                let normal = normals.get(record).map_or(0, |&code| u16::from_le_bytes(code));
-                receiver.voxel(position, values[record], Normal::Code(normal));
-            }
-        });
+        walk(&lane, &order, &mut |batch: &Batch| receiver.batch(&lane, &order, batch));
     }
 }

@@ -3,13 +3,13 @@
 //! In: a subject, a camera, and a method or a sequence of voxels. Out: a frame. The same voxels in the same order give
 //! the same bits of the frame; in the renderer's order, those of [`render`](adjsplat::splat::cpu::render).
 
-use super::baselines::{BuiltMethod, Normal, Receiver as _, Viewing, Walker as _};
+use super::baselines::{Normal, Receiver as _, Structure, Viewing, Walker as _};
 use super::subject::{Subject, VisibleVoxel};
 use super::trace::Untraced;
 use crate::splatter;
 use adjsplat::error::Result;
 use adjsplat::splat::{Camera, Frame, Orbit, Scene, Settings, Surround, View};
-use adjsplat::traverse::{Batch, Sense, walk};
+use adjsplat::traverse::Sense;
 use adjsplat::volume::Axis;
 
 /// Returns the view of a subject by `camera`, in front-to-back order.
@@ -47,20 +47,14 @@ pub fn of_method(
     subject: &Subject,
     camera: &Camera,
     settings: &Settings,
-    built: &mut BuiltMethod,
+    built: &mut Structure,
     drawing: bool,
 ) -> Result<Frame> {
     let viewing = viewing(subject, camera, settings)?;
-    let (frame, _) = splatter::splat(&scene(subject), camera, settings, drawing, |splatter| {
-        match built {
-            BuiltMethod::Adjsplat(_) => {
-                walk(&subject.lane(viewing.order.fast), &viewing.order, &mut |batch: &Batch| splatter.batch(batch));
-            }
-            _ => built.walk(&viewing, splatter, &mut Untraced),
-        }
+    splatter::splat(&scene(subject), camera, settings, drawing, |splatter| {
+        built.walk(&viewing, splatter, &mut Untraced);
         Ok(())
-    })?;
-    Ok(frame)
+    })
 }
 
 /// Draws `voxels` in the order in which they come.
@@ -73,11 +67,10 @@ pub fn of_voxels(
     settings: &Settings,
     voxels: impl IntoIterator<Item = VisibleVoxel>,
 ) -> Result<Frame> {
-    let (frame, _) = splatter::splat(&scene(subject), camera, settings, true, |splatter| {
+    splatter::splat(&scene(subject), camera, settings, true, |splatter| {
         for voxel in voxels {
             splatter.voxel(voxel.position, voxel.value, Normal::Code(voxel.normal));
         }
         Ok(())
-    })?;
-    Ok(frame)
+    })
 }

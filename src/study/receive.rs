@@ -3,7 +3,7 @@
 use super::baselines::{Normal, Receiver, VoxelCube};
 use crate::splatter::Splatter;
 use adjsplat::arena::Lane;
-use adjsplat::traverse::Batch;
+use adjsplat::traverse::{Batch, Order};
 
 /// Adds up coordinates, codes and normals: the least work that uses everything a voxel has.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -12,26 +12,6 @@ pub struct VoxelSum {
     pub count: u64,
     /// Sum of coordinates, codes and bits of normals, modulo the range of its type.
     pub of_all: u64,
-}
-
-impl VoxelSum {
-    /// Adds a batch of voxels of `lane`, array by array as a renderer reads them; adds normals only if `shaded`.
-    #[inline(always)]
-    pub fn add(&mut self, lane: &Lane, batch: &Batch, shaded: bool) {
-        let mut sum = u64::from(batch.slow) * batch.len() as u64;
-        sum += batch.medium.iter().chain(batch.fast).map(|&c| u64::from(c)).sum::<u64>();
-        for index in 0..batch.len() {
-            sum += lane.values.get(batch.record_index(index)).map_or(0, |&value| u64::from(value));
-        }
-        if shaded {
-            let normals = lane.normals.as_chunks::<2>().0;
-            for index in 0..batch.len() {
-                sum += normals.get(batch.record_index(index)).map_or(0, |&code| u64::from(u16::from_le_bytes(code)));
-            }
-        }
-        self.count += batch.len() as u64;
-        self.of_all = self.of_all.wrapping_add(sum);
-    }
 }
 
 impl Receiver for VoxelSum {
@@ -50,6 +30,29 @@ impl Receiver for VoxelSum {
         self.count += 1;
         self.of_all = self.of_all.wrapping_add(cube.low.iter().map(|&c| u64::from(c)).sum::<u64>());
     }
+
+    /// Adds array by array, as a renderer reads them.
+    #[inline(always)]
+    fn batch(&mut self, lane: &Lane, _: &Order, batch: &Batch) {
+        let mut sum = sum_of_coordinates(batch);
+        for index in 0..batch.len() {
+            sum += lane.values.get(batch.record_index(index)).map_or(0, |&value| u64::from(value));
+        }
+        if lane.channels.normal_bits > 0 {
+            let normals = lane.normals.as_chunks::<2>().0;
+            for index in 0..batch.len() {
+                sum += normals.get(batch.record_index(index)).map_or(0, |&code| u64::from(u16::from_le_bytes(code)));
+            }
+        }
+        self.count += batch.len() as u64;
+        self.of_all = self.of_all.wrapping_add(sum);
+    }
+}
+
+#[inline(always)]
+fn sum_of_coordinates(batch: &Batch) -> u64 {
+    let sum = batch.medium.iter().chain(batch.fast).map(|&c| u64::from(c)).sum::<u64>();
+    u64::from(batch.slow) * batch.len() as u64 + sum
 }
 
 /// Adds up coordinates only, which measures the cost of the walk itself.
@@ -61,17 +64,6 @@ pub struct CoordinateSum {
     pub of_all: u64,
 }
 
-impl CoordinateSum {
-    /// Adds the coordinates of a batch of voxels.
-    #[inline(always)]
-    pub fn add(&mut self, batch: &Batch) {
-        let sum = |along: &[u16]| along.iter().map(|&c| u64::from(c)).sum::<u64>();
-        self.count += batch.len() as u64;
-        let sum = u64::from(batch.slow) * batch.len() as u64 + sum(batch.medium) + sum(batch.fast);
-        self.of_all = self.of_all.wrapping_add(sum);
-    }
-}
-
 impl Receiver for CoordinateSum {
     #[inline(always)]
     fn voxel(&mut self, position: [u16; 3], _: u8, _: Normal) {
@@ -81,6 +73,12 @@ impl Receiver for CoordinateSum {
 
     fn cube(&mut self, cube: &VoxelCube) {
         self.voxel(cube.low, 0, Normal::Code(0));
+    }
+
+    #[inline(always)]
+    fn batch(&mut self, _: &Lane, _: &Order, batch: &Batch) {
+        self.count += batch.len() as u64;
+        self.of_all = self.of_all.wrapping_add(sum_of_coordinates(batch));
     }
 }
 
@@ -95,5 +93,9 @@ impl Receiver for Splatter<'_> {
 
     fn cube(&mut self, cube: &VoxelCube) {
         self.cube(cube.low, cube.level, cube.look, cube.normal);
+    }
+
+    fn batch(&mut self, _: &Lane, _: &Order, batch: &Batch) {
+        self.batch(batch);
     }
 }

@@ -11,15 +11,13 @@ use std::time::Instant;
 
 use xxhash_rust::xxh3::Xxh3;
 
-use super::baselines::{BuiltMethod, Method, Viewing, Walker as _};
+use super::baselines::{Method, Structure, Viewing, Walker as _};
 use super::picture;
-use super::receive::{CoordinateSum, VoxelSum};
+use super::receive::VoxelSum;
 use super::subject::Subject;
-use super::trace::Untraced;
-use crate::GoOn;
-use adjsplat::error::{Error, Result};
+use crate::{GoOn, report_step};
+use adjsplat::error::Result;
 use adjsplat::splat::{Camera, Frame, Orbit, Settings, cpu};
-use adjsplat::traverse::{Batch, walk};
 
 /// Settings of the measurement.
 #[derive(Debug, Clone)]
@@ -60,7 +58,7 @@ pub struct Speed {
 /// Measures all methods of `options`; `go_on` receives the frames done and in total, and can cancel.
 ///
 /// # Errors
-/// Any error of building the methods and of drawing; [`Error::Interrupted`] if `go_on` cancels.
+/// Any error of building the methods and of drawing; [`Error::Interrupted`](adjsplat::Error::Interrupted) if `go_on` cancels.
 pub fn measure(subject: &Subject, options: &SpeedOptions, go_on: GoOn) -> Result<Vec<Speed>> {
     let mut found = Vec::new();
     let total = options.methods.len() as u64 * 2 * u64::from(options.frames);
@@ -88,18 +86,13 @@ pub fn measure(subject: &Subject, options: &SpeedOptions, go_on: GoOn) -> Result
                 let fov = perspective.then_some(options.fov);
                 let view = TurnedView::new(subject, options, turned, fov)?;
                 if frame.is_multiple_of(UNDRAWN) {
-                    let undrawn = view.undrawn(subject, &mut built)?;
-                    speed.splats += undrawn_share * undrawn.splats;
-                    speed.non_displaying += undrawn_share * undrawn.non_displaying;
-                    speed.walk += undrawn_share * undrawn.walk;
+                    view.add_undrawn(subject, &mut built, undrawn_share, &mut speed)?;
                 }
                 let (picture, seconds) = view.drawn(subject, &mut built)?;
                 speed.displaying += share * seconds;
                 picture.pixels().iter().for_each(|sample| pictures.update(&sample.to_le_bytes()));
                 done += 1;
-                if go_on(done, total).is_break() {
-                    return Err(Error::Interrupted);
-                }
+                report_step(go_on, done, total)?;
             }
             speed.pictures = pictures.digest();
             found.push(speed);
@@ -118,13 +111,6 @@ struct TurnedView {
     viewing: Viewing,
 }
 
-/// Number of splats of a frame, its seconds without drawing, and the seconds of its walk.
-struct Undrawn {
-    splats: f64,
-    non_displaying: f64,
-    walk: f64,
-}
-
 impl TurnedView {
     fn new(subject: &Subject, options: &SpeedOptions, azimuth: f64, fov: Option<f64>) -> Result<TurnedView> {
         let settings = Settings::every_pixel(options.size);
@@ -134,49 +120,25 @@ impl TurnedView {
         Ok(TurnedView { settings, camera, viewing })
     }
 
-    fn undrawn(&self, subject: &Subject, built: &mut BuiltMethod) -> Result<Undrawn> {
+    /// Adds this share of what is measured without drawing: the number of splats, the seconds, and those of the walk.
+    fn add_undrawn(&self, subject: &Subject, built: &mut Structure, share: f64, speed: &mut Speed) -> Result<()> {
         let start = Instant::now();
-        let sum = black_box(summed(subject, built, &self.viewing));
-        let walk = start.elapsed().as_secs_f64();
+        let sum = black_box(built.received::<VoxelSum>(&self.viewing));
+        speed.walk += share * start.elapsed().as_secs_f64();
         let start = Instant::now();
         drop(black_box(picture::of_method(subject, &self.camera, &self.settings, built, false)?));
-        let non_displaying = start.elapsed().as_secs_f64();
-        Ok(Undrawn { splats: sum.count as f64, non_displaying, walk })
+        speed.non_displaying += share * start.elapsed().as_secs_f64();
+        speed.splats += share * sum.count as f64;
+        Ok(())
     }
 
     /// Draws the view; returns the picture and the seconds that it took.
-    fn drawn(&self, subject: &Subject, built: &mut BuiltMethod) -> Result<(Frame, f64)> {
+    fn drawn(&self, subject: &Subject, built: &mut Structure) -> Result<(Frame, f64)> {
         let start = Instant::now();
         let picture = match built {
-            BuiltMethod::Adjsplat(_) => cpu::render(&picture::scene(subject), &self.camera, &self.settings)?.0,
+            Structure::Adjsplat(_) => cpu::render(&picture::scene(subject), &self.camera, &self.settings)?.0,
             _ => picture::of_method(subject, &self.camera, &self.settings, built, true)?,
         };
         Ok((picture, start.elapsed().as_secs_f64()))
     }
-}
-
-/// Walks the structure and adds up coordinates only; our own walk delivers batches, as it does to a renderer.
-pub fn summed_coordinates(subject: &Subject, built: &mut BuiltMethod, viewing: &Viewing) -> CoordinateSum {
-    let mut sum = CoordinateSum::default();
-    match built {
-        BuiltMethod::Adjsplat(_) => {
-            walk(&subject.lane(viewing.order.fast), &viewing.order, &mut |batch: &Batch| sum.add(batch));
-        }
-        _ => built.walk(viewing, &mut sum, &mut Untraced),
-    }
-    sum
-}
-
-/// Walks the structure and adds up all that voxels have; our own walk delivers batches, as it does to a renderer.
-pub fn summed(subject: &Subject, built: &mut BuiltMethod, viewing: &Viewing) -> VoxelSum {
-    let mut sum = VoxelSum::default();
-    match built {
-        BuiltMethod::Adjsplat(_) => {
-            let lane = subject.lane(viewing.order.fast);
-            let shaded = lane.channels.normal_bits > 0;
-            walk(&lane, &viewing.order, &mut |batch: &Batch| sum.add(&lane, batch, shaded));
-        }
-        _ => built.walk(viewing, &mut sum, &mut Untraced),
-    }
-    sum
 }

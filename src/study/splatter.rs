@@ -34,7 +34,6 @@ pub(crate) struct Splatter<'a> {
     /// Voxels of a lane's batch that wait to be drawn.
     voxels: Box<VoxelBlock>,
     block: Block,
-    drawn: u64,
 }
 
 /// Voxels that are collected until the block is full, and then drawn together.
@@ -116,8 +115,10 @@ impl Splatter<'_> {
 
     fn flush_voxels(&mut self) {
         let Splatter { projectors, voxels, splats, tiles, .. } = self;
-        let projected = project_block(Code::Best, &projectors[0], voxels, splats, tiles);
-        self.drawn += if self.drawing { draw(&projectors[0], splats, tiles) } else { projected };
+        project_block(Code::Best, &projectors[0], voxels, splats, tiles);
+        if self.drawing {
+            draw_block::<FrontToBack>(Code::Best, &projectors[0], splats, tiles);
+        }
         self.voxels.count = 0;
     }
 
@@ -128,20 +129,16 @@ impl Splatter<'_> {
         }
         let Splatter { splats, tiles, .. } = self;
         let projector = &self.projectors[self.level];
-        let projected = place_and_shade(projector, &mut self.block, splats, tiles);
-        self.drawn += if self.drawing { draw(projector, splats, tiles) } else { projected };
+        place_and_shade(projector, &mut self.block, splats, tiles);
+        if self.drawing {
+            draw_block::<FrontToBack>(Code::Best, projector, splats, tiles);
+        }
     }
 }
 
-/// Draws a projected block; returns how many splats were drawn.
-fn draw(projector: &Projector, splats: &Splats, tiles: &mut TileBuffer) -> u64 {
-    draw_block::<FrontToBack>(Code::Best, projector, splats, tiles)
-}
-
-/// Places and shades the voxels of a block (stage 1 of the renderer); the block is empty afterwards. Returns how many
-/// splats are to be drawn.
+/// Places and shades the voxels of a block (stage 1 of the renderer); the block is empty afterwards.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn place_and_shade(projector: &Projector, block: &mut Block, splats: &mut Splats, tiles: &TileBuffer) -> u64 {
+fn place_and_shade(projector: &Projector, block: &mut Block, splats: &mut Splats, tiles: &TileBuffer) {
     projector.place(block, splats);
     projector.place_near(block.count, block, splats);
     projector.cull(block.count, [true; BLOCK], splats, tiles);
@@ -168,13 +165,11 @@ fn place_and_shade(projector: &Projector, block: &mut Block, splats: &mut Splats
         projector.light(lights, (&normals, None), block, &splats.kept[..splats.count], &mut splats.looks);
     }
     block.count = 0;
-    splats.count as u64
 }
 
 /// Returns the picture of the voxels that `feed` gives to the splatter, in the order of the view.
 ///
-/// `settings` must ask for front-to-back compositing. Without `drawing`, all work but the drawing itself is done. Also
-/// returns how many splats were drawn; without drawing, how many would be.
+/// `settings` must ask for front-to-back compositing. Without `drawing`, all work but the drawing itself is done.
 ///
 /// # Errors
 /// Any error of `cpu::render`, and any error that `feed` returns.
@@ -184,7 +179,7 @@ pub(crate) fn splat(
     settings: &Settings,
     drawing: bool,
     feed: impl FnOnce(&mut Splatter) -> Result<()>,
-) -> Result<(Frame, u64)> {
+) -> Result<Frame> {
     let settings = settings.clone().with_sense(Sense::FrontToBack).with_mode(Mode::Composite).with_crop(None);
     let setup = FrameSetup::new(scene, camera, &settings)?;
     let table = Table::new(scene, &setup.lane, &settings, setup.view.mean_voxel)?;
@@ -210,11 +205,9 @@ pub(crate) fn splat(
             normals: [[0.0; BLOCK]; 3],
             coded: true,
         },
-        drawn: 0,
     };
     feed(&mut splatter)?;
     splatter.flush();
-    let Splatter { tiles, drawn, .. } = splatter;
-    let band = BandResult { pixels: tiles, stats: BandStats { visited: drawn, drawn, ..BandStats::default() } };
-    Ok((assemble(&[band], &settings, &table)?.0, drawn))
+    let band = BandResult { pixels: splatter.tiles, stats: BandStats::default() };
+    Ok(assemble(&[band], &settings, &table)?.0)
 }

@@ -40,6 +40,14 @@ pub struct WalkerArray {
     pub scratch: bool,
 }
 
+/// Makes names of arrays that exist along each axis: each of the names followed by x, by y, and by z.
+macro_rules! along_axes {
+    ($($name:literal),*) => {
+        [[$(concat!($name, " x")),*], [$(concat!($name, " y")),*], [$(concat!($name, " z")),*]]
+    };
+}
+pub(crate) use along_axes;
+
 impl WalkerArray {
     /// Describes the allocation of `elements`, which are part of the structure.
     pub fn of<T>(name: &'static str, elements: &Vec<T>) -> WalkerArray {

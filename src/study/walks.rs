@@ -7,12 +7,13 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use super::baselines::{Method, Viewing};
+use super::baselines::{Method, Viewing, Walker as _};
+use super::levels::geometric_mean;
 use super::picture;
-use super::speed::{summed, summed_coordinates};
+use super::receive::{CoordinateSum, VoxelSum};
 use super::subject::Subject;
-use crate::GoOn;
-use adjsplat::error::{Error, Result};
+use crate::{GoOn, report_step};
+use adjsplat::error::Result;
 use adjsplat::splat::{Orbit, Settings};
 use adjsplat::traverse::{Order, Sense, SplitForm, Viewpoint};
 
@@ -90,7 +91,7 @@ pub struct Walks {
 impl Walks {
     /// Returns the geometric mean of the times over the views.
     pub fn geometric_mean(&self) -> f64 {
-        (self.ns.iter().map(|ns| ns.ln()).sum::<f64>() / self.ns.len() as f64).exp()
+        geometric_mean(&self.ns)
     }
 
     /// Returns the median of the times over the views.
@@ -118,7 +119,7 @@ pub fn order(index: usize) -> Order {
 /// The structures of all methods are in memory at once.
 ///
 /// # Errors
-/// Any error of [`Method::build`] and [`Views::of`]; [`Error::Interrupted`] if `go_on` cancels.
+/// Any error of [`Method::build`] and [`Views::of`]; [`Error::Interrupted`](adjsplat::Error::Interrupted) if `go_on` cancels.
 pub fn measure(
     subject: &Subject,
     methods: &[Method],
@@ -138,8 +139,8 @@ pub fn measure(
             for (built, fastest) in built.iter_mut().zip(&mut fastest) {
                 let start = Instant::now();
                 match reading {
-                    Reading::Everything => _ = black_box(summed(subject, built, viewing)),
-                    Reading::Coordinates => _ = black_box(summed_coordinates(subject, built, viewing)),
+                    Reading::Everything => _ = black_box(built.received::<VoxelSum>(viewing)),
+                    Reading::Coordinates => _ = black_box(built.received::<CoordinateSum>(viewing)),
                 }
                 *fastest = fastest.min(start.elapsed().as_secs_f64());
             }
@@ -147,9 +148,7 @@ pub fn measure(
         for (walks, seconds) in found.iter_mut().zip(fastest) {
             walks.ns.push(seconds * 1e9 / visible);
         }
-        if go_on(index as u64 + 1, views.len() as u64).is_break() {
-            return Err(Error::Interrupted);
-        }
+        report_step(go_on, index as u64 + 1, views.len() as u64)?;
     }
     Ok(found)
 }

@@ -7,9 +7,9 @@
 use std::collections::BTreeSet;
 
 use super::levels::{camera, levels_drawn};
-use crate::GoOn;
+use crate::{GoOn, report_step};
 use adjsplat::Model;
-use adjsplat::error::{Error, Result};
+use adjsplat::error::Result;
 use adjsplat::splat::{Frame, Quality, Settings};
 use adjsplat_judge::metrics;
 
@@ -52,13 +52,13 @@ pub fn allowed(quality: Quality) -> Option<f64> {
         Quality::Standard => 38.0,
         Quality::High | Quality::Reference => return None,
     };
-    Some(root_mean_square(decibels))
+    Some(10f64.powf(-decibels / 20.0))
 }
 
 /// Draws a zoom for each of `qualities`, and measures its frames. `go_on` receives the frames done and in total, and can cancel.
 ///
 /// # Errors
-/// Any error of drawing; [`Error::Interrupted`] if `go_on` cancels.
+/// Any error of drawing; [`Error::Interrupted`](adjsplat::Error::Interrupted) if `go_on` cancels.
 pub fn measure(model: &Model, qualities: &[Quality], threads: usize, go_on: GoOn) -> Result<Vec<Vec<ZoomFrame>>> {
     let settings = Settings::new(SIZE).with_threads(threads);
     let mut zooms = vec![Vec::new(); qualities.len()];
@@ -86,9 +86,7 @@ pub fn measure(model: &Model, qualities: &[Quality], threads: usize, go_on: GoOn
             frames.push(frame);
         }
         before = Some(frames);
-        if go_on(u64::from(index) + 1, u64::from(FRAMES)).is_break() {
-            return Err(Error::Interrupted);
-        }
+        report_step(go_on, u64::from(index) + 1, u64::from(FRAMES))?;
     }
     Ok(zooms)
 }
@@ -107,8 +105,4 @@ fn changes(pair: [&Frame; 2], judged: [&Frame; 2]) -> [f64; 2] {
         squares[1] += square(c, d);
     }
     squares.map(|sum| (sum / f64::from(count.max(1))).sqrt())
-}
-
-fn root_mean_square(decibels: f64) -> f64 {
-    10f64.powf(-decibels / 20.0)
 }

@@ -6,8 +6,7 @@ use adjsplat::file::arena_bytes;
 use adjsplat::traverse::Order;
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;
-use adjsplat_study::any_walk::AnyWalk;
-use adjsplat_study::baselines::{Normal, Viewing, VoxelCube};
+use adjsplat_study::baselines::{Normal, Structure, Viewing, VoxelCube};
 use adjsplat_study::cache::{Geometry, TraceWriter, measure, replay};
 use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};
 use adjsplat_study::layouts::{LaneLayout, LayoutWalk};
@@ -99,7 +98,7 @@ fn the_shipped_layout_is_ours_byte_for_byte_and_access_for_access() {
                 assert!(of_ours.0 == of_shipped.0, "order {index}");
             }
             // So misses can differ only by where three empty arrays move the pages of scratch.
-            let (mut ours, mut shipped) = (AnyWalk::Own(ours), AnyWalk::Layout(shipped));
+            let (mut ours, mut shipped) = (Structure::OwnWalk(ours), Structure::Layout(shipped));
             for index in 0..48 {
                 let viewing = Viewing::along(Order::parallel(index / 8, (index % 8) as u8));
                 let geometry = Geometry::default();

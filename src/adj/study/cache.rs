@@ -19,13 +19,11 @@ use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::write_atomically_unless;
 use adjsplat::traverse::Order;
-use adjsplat_study::any_walk::AnyWalk;
-use adjsplat_study::baselines::{Method, Viewing, Walker as _};
+use adjsplat_study::baselines::{Method, Structure, Viewing, Walker as _};
 use adjsplat_study::cache::counters;
 use adjsplat_study::cache::{CacheFigures, Geometry, TraceWriter, measure};
 use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};
-use adjsplat_study::speed::summed;
-use adjsplat_study::{GoOn, Subject};
+use adjsplat_study::{GoOn, Subject, report_step};
 
 /// Count the cache misses of every method, in a model that is the same on every machine
 #[derive(Debug, Args)]
@@ -89,9 +87,10 @@ const COUNTED_WALKS: u32 = 16;
 
 /// A structure to measure, with its name in tables.
 pub(super) struct Measured<'a> {
+    pub(super) method: Method,
     pub(super) layout: String,
     pub(super) codes: Option<CodesRead>,
-    pub(super) walk: AnyWalk<'a>,
+    pub(super) walk: Structure<'a>,
 }
 
 impl Arguments {
@@ -150,11 +149,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
                         TileOrder::Hilbert | TileOrder::Rows => format!("{}-{}", method.name(), tile_order.name()),
                     };
                     let walk = OwnWalk::new(lanes.each_ref().map(OwnedLane::view), codes);
-                    Measured { layout, codes: Some(codes), walk: AnyWalk::Own(walk) }
+                    Measured { method, layout, codes: Some(codes), walk: Structure::OwnWalk(walk) }
                 }
                 None => {
-                    let walk = AnyWalk::Method(method.build(subject)?);
-                    Measured { layout: method.name().to_owned(), codes: None, walk }
+                    let walk = method.build(subject)?;
+                    Measured { method, layout: method.name().to_owned(), codes: None, walk }
                 }
             };
             study(subject, &arguments.orders.0, &geometry, &mut measured, &mut tables, &mut |done, total| {
@@ -195,9 +194,7 @@ fn study(
         let (figures, visited) = measure(&mut measured.walk, &Viewing::along(*order), geometry, false);
         debug_assert_eq!(visited, subject.voxels.len() as u64, "{} visits each voxel once", measured.layout);
         of_orders.push((order_name(order), figures));
-        if go_on(index as u64 + 1, total).is_break() {
-            return Err(Error::Interrupted);
-        }
+        report_step(go_on, index as u64 + 1, total)?;
     }
     let first_misses = |figures: &CacheFigures| figures.levels.first().map_or(figures.touches, |level| level.all);
     let worst = (0..of_orders.len()).max_by_key(|&index| first_misses(&of_orders[index].1)).unwrap_or(0);
@@ -221,10 +218,10 @@ fn only_walk(arguments: &Arguments, times: u32) -> Result<Answer> {
     let (method, viewing) = arguments.only()?;
     each_set(&arguments.sets, arguments.sets.list()?, true, |subject, _| {
         sound(subject)?;
-        let mut built = method.build(subject)?;
+        let mut walk = method.build(subject)?;
         let swept = vec![1u8; SWEPT_BYTES];
         black_box(black_box(&swept).iter().step_by(16).map(|&byte| u64::from(byte)).sum::<u64>());
-        let visited: u64 = (0..times).map(|_| summed(subject, &mut built, &viewing).count).sum();
+        let visited: u64 = (0..times).map(|_| walk.summed(&viewing).count).sum();
         print_result(&format!("{visited} voxels visited"));
         Ok(())
     })?;

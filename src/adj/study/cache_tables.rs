@@ -3,7 +3,6 @@
 use super::cache::Measured;
 use super::table_of;
 use adjsplat_study::Subject;
-use adjsplat_study::baselines::Walker as _;
 use adjsplat_study::cache::{CacheFigures, Geometry};
 use adjsplat_study::lane_walk::CodesRead;
 use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
@@ -84,7 +83,7 @@ impl CacheTables {
                 let compulsory = figures.compulsory_lines() as f64;
                 self.report.push(vec![
                     subject.name.as_str().into(),
-                    measured.walk.method().into(),
+                    measured.method.name().into(),
                     measured.layout.as_str().into(),
                     channels.clone(),
                     order.as_str().into(),

@@ -11,16 +11,15 @@ use super::orders::Orders;
 use super::output::OutputArguments;
 use super::sets::SetArguments;
 use super::{CODES, each_set, orders, table_of};
-use adjsplat::error::{Error, Result};
+use adjsplat::error::Result;
 use adjsplat::traverse::Order;
-use adjsplat_study::any_walk::AnyWalk;
-use adjsplat_study::baselines::{Viewing, Walker as _};
+use adjsplat_study::baselines::{Structure, Viewing, Walker as _};
 use adjsplat_study::cache::{Geometry, measure};
 use adjsplat_study::lane_walk::CodesRead;
 use adjsplat_study::layouts::{LaneLayout, LayoutWalk};
 use adjsplat_study::report::ReportCell;
 use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
-use adjsplat_study::{GoOn, Subject};
+use adjsplat_study::{GoOn, Subject, report_step};
 
 /// Compare other layouts of the file with ours: bytes, cache misses, time of a walk
 #[derive(Debug, Args)]
@@ -128,9 +127,9 @@ fn measure_all(
     go_on: GoOn,
 ) -> Result<Vec<LayoutFigures>> {
     let geometry = Geometry::default();
-    let mut walks: Vec<AnyWalk> = Vec::new();
+    let mut walks: Vec<Structure> = Vec::new();
     for &layout in layouts {
-        walks.push(AnyWalk::Layout(LayoutWalk::new(subject, layout, codes)?));
+        walks.push(Structure::Layout(LayoutWalk::new(subject, layout, codes)?));
     }
     let mut found: Vec<LayoutFigures> =
         walks.iter().map(|walk| LayoutFigures { bytes: walk.bytes(), ..LayoutFigures::default() }).collect();
@@ -152,9 +151,7 @@ fn measure_all(
         for (found, ns) in found.iter_mut().zip(fastest) {
             found.ns.push(ns);
         }
-        if go_on(index as u64 + 1, orders.len() as u64).is_break() {
-            return Err(Error::Interrupted);
-        }
+        report_step(go_on, index as u64 + 1, orders.len() as u64)?;
     }
     Ok(found)
 }

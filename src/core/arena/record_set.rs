@@ -58,11 +58,4 @@ impl RecordSet {
     pub fn count(&self) -> u64 {
         self.words.iter().map(|word| u64::from(word.load(Relaxed).count_ones())).sum()
     }
-
-    /// Adds all records of another set for the same lane.
-    pub fn add_all(&self, other: &RecordSet) {
-        for (word, more) in self.words.iter().zip(&other.words) {
-            word.fetch_or(more.load(Relaxed), Relaxed);
-        }
-    }
 }

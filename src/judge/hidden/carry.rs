@@ -1,7 +1,8 @@
 //! Carries a set of records from one lane to another: the same voxels have other record indices there.
 
+use crate::allocate::filled;
 use adjsplat::arena::{Lane, LineSpan, TileRecord};
-use adjsplat::error::{Error, Result};
+use adjsplat::error::Result;
 use adjsplat::internals::RecordSet;
 
 /// Largest size of the table that [`carry`] allocates, in bytes.
@@ -10,29 +11,26 @@ const TABLE_BYTES: usize = 64 << 20;
 /// Converts a set of voxels from record indices of lane `from` to those of lane `to`.
 ///
 /// `set` tells whether a record of `from` is in the set; the records of `to` that hold the same voxels are added to
-/// `into`. A *slab* is eight coordinates on the axis along which neither lane runs. In both lanes it consists of whole
+/// `into`. Both may be the same lane. A *slab* is eight coordinates on the axis along which neither lane runs. In both lanes it consists of whole
 /// tiles, so a table with one bit per voxel of a slab converts between them. Time: O(records + lines of the face),
 /// several times that only if a slab's table would exceed 64 MiB.
 ///
-/// # Panics
-/// If both lanes run along the same axis.
-///
 /// # Errors
-/// [`Error::OutOfMemory`].
+/// [`Error::OutOfMemory`](adjsplat::Error::OutOfMemory).
 pub(super) fn carry(from: &Lane, set: &dyn Fn(usize) -> bool, to: &Lane, into: &RecordSet) -> Result<()> {
-    assert!(from.axis != to.axis, "the lanes run along different axes");
+    if from.axis == to.axis {
+        (0..from.steps.len()).filter(|&record| set(record)).for_each(|record| into.insert(record));
+        return Ok(());
+    }
     let wide = from.dims[to.axis.index()] as usize;
     let long = from.dims[from.axis.index()] as usize;
     let part = (TABLE_BYTES / wide.max(1)).clamp(1, long.max(1));
-    let mut table: Vec<u8> = Vec::new();
-    let bytes = wide * part;
-    table.try_reserve_exact(bytes).map_err(|_| Error::out_of_memory("a slab's voxels", bytes as u64))?;
+    let mut table = filled("a slab's voxels", (wide * part) as u64, 0u8)?;
     let (from_slabs, to_slabs) = (slabs(from, to), slabs(to, from));
     for first in (0..long).step_by(part) {
         let mut remaining = to_slabs.as_slice();
         for tiles in from_slabs.chunk_by(|a, b| a.0 == b.0) {
-            table.clear();
-            table.resize(bytes, 0);
+            table.fill(0);
             let slab = tiles[0].0;
             let before = remaining.partition_point(|tile| tile.0 < slab);
             let (own, later) = remaining[before..].split_at(remaining[before..].partition_point(|tile| tile.0 == slab));

@@ -19,6 +19,7 @@
 //! The proof covers the kernels of the draft, standard and high qualities, also cut off earlier as those of faint voxels are, for views
 //! from outside as [`super`] defines them.
 
+use super::box_minimum::box_minimum;
 use super::carry::carry;
 use super::weight::layer_weights;
 use super::{Culling, CullingObserver, CullingStage, report_step};
@@ -91,11 +92,7 @@ pub(super) fn possibly_visible(
                 report_step(observer, CullingStage::Look, done, 6 * kernels.len() as u64)?;
             }
         }
-        if fast == Axis::X {
-            seen.add_all(&open);
-        } else {
-            carry(&lane, &|record| open.contains(record), &x_lane, seen)?;
-        }
+        carry(&lane, &|record| open.contains(record), &x_lane, seen)?;
     }
     Ok(())
 }
@@ -190,10 +187,10 @@ impl MarchLayers {
     /// Adds the cost of this layer to `gained`, passes `gap` empty layers, and starts the next layer.
     fn advance(&mut self, one: f32, two: f32, gap: usize, reach: usize) {
         let MarchLayers { width, tau, gained, before, scratch, across } = self;
-        box_minimum(gained, scratch, across, *width, 1);
-        gained.copy_from_slice(scratch);
+        box_minimum(gained, across, *width, 1);
         for (weight, cells) in [(one, 1), (two, 2)] {
-            box_minimum(tau, scratch, across, *width, cells);
+            scratch.copy_from_slice(tau);
+            box_minimum(scratch, across, *width, cells);
             // The cost is the larger of the 3 x 3 and the 5 x 5 value; the first round of this loop leaves its value in
             // `before`.
             for ((cost, least), sum) in before.iter_mut().zip(&*scratch).zip(gained.iter_mut()) {
@@ -205,41 +202,10 @@ impl MarchLayers {
             }
         }
         if gap > 0 {
-            box_minimum(gained, scratch, across, *width, gap);
-            gained.copy_from_slice(scratch);
+            box_minimum(gained, across, *width, gap);
         }
-        box_minimum(gained, before, across, *width, reach + 1);
+        before.copy_from_slice(gained);
+        box_minimum(before, across, *width, reach + 1);
         tau.fill(0.0);
-    }
-}
-
-/// Computes, for each cell, the minimum over the square of `2 reach + 1` cells around it; cells outside the plane count
-/// as 0.
-fn box_minimum(plane: &[f32], out: &mut [f32], across: &mut [f32], width: usize, reach: usize) {
-    let height = plane.len() / width;
-    if 2 * reach >= width || 2 * reach >= height {
-        out.fill(0.0);
-        return;
-    }
-    let window = 2 * reach + 1;
-    for (row, to) in plane.chunks_exact(width).zip(across.chunks_exact_mut(width)) {
-        to.fill(0.0);
-        let inner = &mut to[reach..width - reach];
-        inner.copy_from_slice(&row[..width - 2 * reach]);
-        for shift in 1..window {
-            for (least, next) in inner.iter_mut().zip(&row[shift..]) {
-                *least = if *next < *least { *next } else { *least };
-            }
-        }
-    }
-    out.fill(0.0);
-    for y in reach..height - reach {
-        let to = &mut out[y * width..][..width];
-        to.copy_from_slice(&across[(y - reach) * width..][..width]);
-        for row in across[(y - reach + 1) * width..(y + reach + 1) * width].chunks_exact(width) {
-            for (least, next) in to.iter_mut().zip(row) {
-                *least = if *next < *least { *next } else { *least };
-            }
-        }
     }
 }

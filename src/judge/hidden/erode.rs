@@ -4,9 +4,11 @@
 //! within a box around them. Points outside the grid are outside the set. A ring of tables holds a few slices, one byte
 //! per grid point.
 
+use super::box_minimum::box_minimum;
+use crate::allocate::filled;
 use adjsplat::arena::layout::TILE_EDGE;
 use adjsplat::arena::{Lane, LineSpan};
-use adjsplat::error::{Error, Result};
+use adjsplat::error::Result;
 use adjsplat::internals::RecordSet;
 use adjsplat::volume::Axis;
 
@@ -23,16 +25,13 @@ pub(super) fn erode_bytes(dims: [u32; 3], reach: usize) -> u64 {
 /// `lane` runs along x. Takes O(grid points) time and [`erode_bytes`] of memory.
 ///
 /// # Errors
-/// [`Error::Limit`] if the memory cannot be had.
+/// [`Error::OutOfMemory`](adjsplat::Error::OutOfMemory) if the memory cannot be had.
 pub(super) fn erode(lane: &Lane, set: &RecordSet, reach: usize) -> Result<RecordSet> {
     assert!(lane.axis == Axis::X, "sets are of the lane along x");
     let [width, height, depth] = lane.dims.map(|points| points as usize);
     let inner = RecordSet::new(lane.steps.len())?;
-    let slice = width * height;
-    let mut tables: Vec<u8> = Vec::new();
-    let bytes = slice * (EDGE + 2 * reach);
-    tables.try_reserve_exact(bytes).map_err(|_| Error::out_of_memory("slices' neighbourhoods", bytes as u64))?;
-    tables.resize(bytes, 0);
+    let (slice, ring) = (width * height, EDGE + 2 * reach);
+    let mut tables = filled("slices' neighbourhoods", (slice * ring) as u64, 0u8)?;
     let mut tiles: Vec<(usize, usize)> =
         lane.tiles.iter().map(|tile| usize::from(tile.tile_v.get())).zip(0..).collect();
     tiles.sort_unstable();
@@ -44,7 +43,6 @@ pub(super) fn erode(lane: &Lane, set: &RecordSet, reach: usize) -> Result<Record
             .flat_map(|tile| lane.tile_lines(&lane.tiles[tile.1], u64::MAX))
     };
     // A table first says for each point whether it is in the set, then whether its neighbours within the slice are too.
-    let ring = EDGE + 2 * reach;
     let mut scratch = vec![0u8; slice];
     for row in 0..=(depth + reach).div_ceil(EDGE) {
         for z in row * EDGE..(row + 1) * EDGE {
@@ -61,7 +59,7 @@ pub(super) fn erode(lane: &Lane, set: &RecordSet, reach: usize) -> Result<Record
             }
         }
         for z in row * EDGE..((row + 1) * EDGE).min(depth) {
-            shrink(&mut tables[z % ring * slice..][..slice], &mut scratch, width, reach);
+            box_minimum(&mut tables[z % ring * slice..][..slice], &mut scratch, width, reach);
         }
         // Slices whose neighbours have all been read are at least `reach` slices behind the newest.
         let newest = (row + 1) * EDGE;
@@ -90,37 +88,10 @@ fn line_start(line: &LineSpan, width: usize, height: usize, depth: usize) -> Opt
     ((line.u as usize) < height && (line.v as usize) < depth).then(|| line.u as usize * width)
 }
 
-/// Clears each point of a slice that has an unset neighbour within `reach` steps; first along x, then along y.
-fn shrink(points: &mut [u8], scratch: &mut [u8], width: usize, reach: usize) {
-    for (row, out) in points.chunks_exact(width).zip(scratch.chunks_exact_mut(width)) {
-        out.fill(0);
-        let mut run = 0;
-        for x in 0..width {
-            run = if row[x] != 0 { run + 1 } else { 0 };
-            if run > 2 * reach {
-                out[x - reach] = 1;
-            }
-        }
-    }
-    let height = points.len() / width;
-    points.fill(0);
-    let mut runs = vec![0usize; width];
-    for y in 0..height {
-        for x in 0..width {
-            runs[x] = if scratch[y * width + x] != 0 { runs[x] + 1 } else { 0 };
-            if runs[x] > 2 * reach {
-                points[(y - reach) * width + x] = 1;
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use adjsplat::arena::Channels;
-    use adjsplat::arena::Record;
-    use adjsplat::arena::TileOrder;
+    use adjsplat::arena::{Channels, Record, TileOrder};
     use adjsplat::internals::LanePacker;
 
     #[test]

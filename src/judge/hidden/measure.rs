@@ -47,15 +47,9 @@ pub(super) fn differences(
     let differences = Mutex::new(vec![0.0; views.len()]);
     for (axis, own) in Axis::ALL.into_iter().zip(by_axis(scene, views)?).filter(|(_, own)| !own.is_empty()) {
         let lane = scene.lanes.lane(axis)?;
-        let carried = match axis {
-            Axis::X => None,
-            _ => {
-                let carried = RecordSet::new(lane.steps.len())?;
-                carry(&scene.lanes.lane(Axis::X)?, &|record| hidden.contains(record), &lane, &carried)?;
-                Some(carried)
-            }
-        };
-        let shown = OneLane(Lane { omitted: Some(carried.as_ref().unwrap_or(hidden)), ..lane });
+        let carried = RecordSet::new(lane.steps.len())?;
+        carry(&scene.lanes.lane(Axis::X)?, &|record| hidden.contains(record), &lane, &carried)?;
+        let shown = OneLane(Lane { omitted: Some(&carried), ..lane });
         in_parallel(own.len(), culling.threads, CullingStage::Compare, observer, |job| {
             let (index, view) = own[job];
             let settings = settings(view, culling.eps / TERMINATION).with_lighting(Lighting::default());

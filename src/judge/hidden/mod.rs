@@ -19,6 +19,7 @@
 //! eye is inside the volume, if a crop cuts into it, with another transfer function, and in modes that do not hide
 //! (maximum, x-ray).
 
+mod box_minimum;
 mod carry;
 mod certified;
 mod erode;

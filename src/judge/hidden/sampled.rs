@@ -50,13 +50,7 @@ pub(super) fn look(
             })?;
             passes += 1;
             let is_marked = |record: usize| record.checked_sub(first).is_some_and(|record| marked.contains(record));
-            if axis == Axis::X {
-                (first..first + marked.lane_records())
-                    .filter(|&record| is_marked(record))
-                    .for_each(|record| seen.insert(record));
-            } else {
-                carry(&lane, &is_marked, &scene.lanes.lane(Axis::X)?, seen)?;
-            }
+            carry(&lane, &is_marked, &scene.lanes.lane(Axis::X)?, seen)?;
         }
     }
     Ok(passes)

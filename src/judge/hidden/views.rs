@@ -10,8 +10,7 @@ use glam::DVec3;
 use super::CLEARANCE;
 use adjsplat::arena::layout::Facts;
 use adjsplat::error::Result;
-use adjsplat::splat::{Camera, KernelShape, Projection, Quality, Surround};
-use adjsplat::splat::{MAX_SIZE, WorldFrame};
+use adjsplat::splat::{Camera, KernelShape, MAX_SIZE, Projection, Quality, Surround, WorldFrame};
 
 /// The distance between the closest voxels, in pixels. Footprints of every kernel are then larger than the low-pass
 /// filter, which would make more voxels show, yet small enough to be drawn fast.
@@ -45,14 +44,14 @@ impl ViewTarget {
     /// Creates the target from the box of voxels with indices `low` to `high`, inclusive.
     pub(super) fn new(facts: &Facts, (low, high): ([u16; 3], [u16; 3])) -> ViewTarget {
         let Surround { centre, radius } = Surround::of_voxels(&facts.grid, low, high);
-        let spacing = facts.grid.spacing;
+        let coarsest = facts.grid.spacing.into_iter().fold(0.0, f64::max);
         ViewTarget {
             centre: DVec3::from_array(centre),
             // Footprints reach beyond the outermost voxels.
-            radius: radius + 3.5 * spacing.iter().copied().fold(0.0, f64::max),
+            radius: radius + 3.5 * coarsest,
             frame: WorldFrame::of(&facts.grid),
             finest: facts.grid.finest_spacing(),
-            coarsest: spacing.iter().copied().fold(0.0, f64::max),
+            coarsest,
             low,
             high,
         }

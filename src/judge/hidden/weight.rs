@@ -22,9 +22,7 @@ const SPLITS: u32 = 16;
 /// 5. Multiplied by an optical depth per mean spacing they give that of the line. `lengths` are the distances between
 /// voxels on each axis, in mean spacings.
 pub(super) fn layer_weights(kernel: KernelShape, axis: Axis, lengths: [f64; 3]) -> [f64; 2] {
-    let [u, v] = axis.others();
-    let squares = [axis, u, v].map(|axis| lengths[axis.index()].powi(2));
-    let layer = VoxelLayer { kernel, squares };
+    let layer = VoxelLayer::new(kernel, axis, lengths);
     [1, 2].map(|cells| layer.least(cells))
 }
 
@@ -43,17 +41,27 @@ struct LineRange {
     slope_radius: f64,
 }
 
-impl VoxelLayer {
-    fn least(&self, cells: i32) -> f64 {
-        let one = |n: i32| {
-            // The crossing points are in a quarter of the cell, which suffices by symmetry; the last two numbers are
-            // slopes.
-            let fraction =
-                |power: u32, low: f64, high: f64| low + (high - low) * f64::from(n / 9i32.pow(power) % 9) / 8.0;
-            let (place, slope) =
-                ([fraction(0, 0.0, 0.5), fraction(1, 0.0, 0.5)], [fraction(2, -1.0, 1.0), fraction(3, -1.0, 1.0)]);
-            self.bound(&LineRange { place, slope, place_radius: 0.0, slope_radius: 0.0 }, cells)
+impl LineRange {
+    /// Returns line number `n` of a grid of `steps`^4 lines; their crossing points begin at `low` on both axes.
+    fn of_grid(n: i32, steps: i32, low: f64) -> LineRange {
+        let fraction = |power: u32, low: f64, high: f64| {
+            low + (high - low) * f64::from(n / steps.pow(power) % steps) / f64::from(steps - 1)
         };
+        let place = [fraction(0, low, 0.5), fraction(1, low, 0.5)];
+        let slope = [fraction(2, -1.0, 1.0), fraction(3, -1.0, 1.0)];
+        LineRange { place, slope, place_radius: 0.0, slope_radius: 0.0 }
+    }
+}
+
+impl VoxelLayer {
+    fn new(kernel: KernelShape, axis: Axis, lengths: [f64; 3]) -> VoxelLayer {
+        let [u, v] = axis.others();
+        VoxelLayer { kernel, squares: [axis, u, v].map(|axis| lengths[axis.index()].powi(2)) }
+    }
+
+    fn least(&self, cells: i32) -> f64 {
+        // The crossing points are in a quarter of the cell, which suffices by symmetry.
+        let one = |n: i32| self.bound(&LineRange::of_grid(n, 9, 0.0), cells);
         let mut floor = (0..9i32.pow(4)).map(one).fold(f64::INFINITY, f64::min) * (1.0 - CLOSE);
         let all = LineRange { place: [0.25; 2], slope: [0.0; 2], place_radius: 0.25, slope_radius: 1.0 };
         // If the floor cannot be proven, the minimum lies at a line between those that were tried.
@@ -152,19 +160,11 @@ mod tests {
         ] {
             for axis in Axis::ALL {
                 let bounds = layer_weights(quality.kernel(), axis, lengths);
-                let [u, v] = axis.others();
-                let squares = [axis, u, v].map(|axis| lengths[axis.index()].powi(2));
-                let layer = VoxelLayer { kernel: quality.kernel(), squares };
+                let layer = VoxelLayer::new(quality.kernel(), axis, lengths);
                 for (cells, bound) in [(1, bounds[0]), (2, bounds[1])] {
                     let mut least = f64::INFINITY;
                     for n in 0..13i32.pow(4) {
-                        let fraction = |power: u32, low: f64, high: f64| {
-                            low + (high - low) * f64::from(n / 13i32.pow(power) % 13) / 12.0
-                        };
-                        let place = [fraction(0, -0.5, 0.5), fraction(1, -0.5, 0.5)];
-                        let slope = [fraction(2, -1.0, 1.0), fraction(3, -1.0, 1.0)];
-                        let line = LineRange { place, slope, place_radius: 0.0, slope_radius: 0.0 };
-                        least = least.min(layer.bound(&line, cells));
+                        least = least.min(layer.bound(&LineRange::of_grid(n, 13, -0.5), cells));
                     }
                     assert!(bound <= least, "{quality:?} {axis:?} {cells}: {bound} is above {least}");
                     // The grid of lines includes the corners, where the least weight usually is.

@@ -56,14 +56,11 @@ pub struct SampleErrors {
 /// # Errors
 /// [`Error::Input`] if the sizes differ, or if a sample is not a finite number.
 pub fn compare(right: &Frame, other: &Frame, background: [f32; 3]) -> Result<Metrics> {
-    check(right, other)?;
-    let (rights, others) = (right.pixels().as_chunks::<4>().0, other.pixels().as_chunks::<4>().0);
-    let shown = shown(rights, others);
+    let (shown, linear) = linear_errors(right, other)?;
     let [a, b] = [right, other].map(|frame| DisplayPicture::new(frame, background));
-    let linear = linear_errors(&shown, rights, others);
     let seen = ErrorSums::of(&shown, |at| (a.colours[at], b.colours[at]));
-    let sum = |pixels: &[[f32; 4]]| pixels.as_flattened().iter().map(|&sample| f64::from(sample)).sum::<f64>();
-    let (before, after) = (sum(rights), sum(others));
+    let [before, after] =
+        [right, other].map(|frame| frame.pixels().iter().map(|&sample| f64::from(sample)).sum::<f64>());
     let errors = linear.errors();
     let columns = right.size()[0] as usize;
     let index = |at: usize| u32::try_from(at).expect("a picture's sides are 32-bit");
@@ -84,9 +81,7 @@ pub fn compare(right: &Frame, other: &Frame, background: [f32; 3]) -> Result<Met
 /// # Errors
 /// The errors of [`compare`].
 pub fn psnr(right: &Frame, other: &Frame) -> Result<f64> {
-    check(right, other)?;
-    let (rights, others) = (right.pixels().as_chunks::<4>().0, other.pixels().as_chunks::<4>().0);
-    Ok(linear_errors(&shown(rights, others), rights, others).errors().psnr)
+    Ok(linear_errors(right, other)?.1.errors().psnr)
 }
 
 /// Checks that two pictures can be compared.
@@ -103,14 +98,13 @@ fn check(right: &Frame, other: &Frame) -> Result<()> {
     Ok(())
 }
 
-/// Returns the indices of the pixels that are not empty in both pictures.
-fn shown(rights: &[[f32; 4]], others: &[[f32; 4]]) -> Vec<usize> {
-    (0..rights.len()).filter(|&at| rights[at] != [0.0; 4] || others[at] != [0.0; 4]).collect()
-}
-
-/// Returns the errors of linear samples in the pixels `shown`.
-fn linear_errors(shown: &[usize], rights: &[[f32; 4]], others: &[[f32; 4]]) -> ErrorSums {
-    ErrorSums::of(shown, |at| (rights[at].map(f64::from), others[at].map(f64::from)))
+/// Returns the indices of the pixels that are not empty in both pictures, and the errors of their linear samples.
+fn linear_errors(right: &Frame, other: &Frame) -> Result<(Vec<usize>, ErrorSums)> {
+    check(right, other)?;
+    let (rights, others) = (right.pixels().as_chunks::<4>().0, other.pixels().as_chunks::<4>().0);
+    let shown: Vec<usize> = (0..rights.len()).filter(|&at| rights[at] != [0.0; 4] || others[at] != [0.0; 4]).collect();
+    let errors = ErrorSums::of(&shown, |at| (rights[at].map(f64::from), others[at].map(f64::from)));
+    Ok((shown, errors))
 }
 
 /// The sums of errors over samples, from which the metrics are computed.

@@ -11,7 +11,7 @@
 
 use glam::DVec3;
 
-use adjsplat::error::{Error, Result};
+use adjsplat::error::Result;
 use adjsplat::internals::PixelMap;
 use adjsplat::splat::{Camera, Mode, View, WorldFrame};
 use adjsplat::traverse::Viewpoint;
@@ -20,6 +20,7 @@ use super::picture::ReferencePicture;
 use super::ray::{Ray, Rays};
 use super::splat::JudgeSettings;
 use super::voxels::VisibleVoxels;
+use crate::allocate::filled;
 
 /// Draws the largest value on the ray of each pixel, in the mode of `settings`.
 pub(super) fn draw(
@@ -34,26 +35,14 @@ pub(super) fn draw(
     let (Viewpoint::Parallel { direction } | Viewpoint::Perspective { toward: direction, .. }) = view.viewpoint;
     // The first of equal ones.
     let slow = [2, 1, 0].into_iter().max_by(|&a, &b| direction[a].abs().total_cmp(&direction[b].abs())).unwrap_or(0);
-    let columns = settings.size[0] as usize;
-    let next_row = std::sync::Mutex::new(picture.pixels_mut().chunks_mut(columns).enumerate());
-    std::thread::scope(|scope| {
-        for _ in 0..settings.threads {
-            scope.spawn(|| {
-                loop {
-                    let taken = next_row.lock().unwrap_or_else(std::sync::PoisonError::into_inner).next();
-                    let Some((row, pixels)) = taken else { return };
-                    for (column, pixel) in pixels.iter_mut().enumerate() {
-                        let largest = field.largest(&rays.through(column, row), slow, view);
-                        *pixel = match (settings.mode, visible.transfer()) {
-                            (Mode::Maximum, Some(transfer)) => {
-                                let [red, green, blue] = transfer.colour(field.value(largest)).map(f64::from);
-                                [red * largest, green * largest, blue * largest, largest]
-                            }
-                            _ => [largest; 4],
-                        };
-                    }
-                }
-            });
+    picture.draw(settings.threads, |(): &mut (), column, row| {
+        let largest = field.largest(&rays.through(column, row), slow, view);
+        match (settings.mode, visible.transfer()) {
+            (Mode::Maximum, Some(transfer)) => {
+                let [red, green, blue] = transfer.colour(field.value(largest)).map(f64::from);
+                [red * largest, green * largest, blue * largest, largest]
+            }
+            _ => [largest; 4],
         }
     });
     Ok(picture)
@@ -77,11 +66,7 @@ impl ValueField {
         let Some((low, high)) = visible.bounds() else { return Ok(None) };
         let (low, points) = (low.map(i64::from), std::array::from_fn(|a| i64::from(high[a]) - i64::from(low[a]) + 1));
         let count = points.iter().map(|points| points.unsigned_abs()).product::<u64>();
-        let refused = || Error::out_of_memory("the values of all grid points", 8 * count);
-        let len = usize::try_from(count).map_err(|_| refused())?;
-        let mut values = Vec::new();
-        values.try_reserve_exact(len).map_err(|_| refused())?;
-        values.resize(len, 0.0);
+        let values = filled("the values of all grid points", count, 0.0)?;
         let lowest = visible.lowest_value();
         let largest = visible.voxels().iter().map(|voxel| voxel.value).fold(lowest, f64::max);
         let world = WorldFrame::of(visible.grid());

@@ -1,6 +1,9 @@
 //! The pictures that the reference renderers return.
 
-use adjsplat::error::{Error, Result};
+use std::sync::{Mutex, PoisonError};
+
+use crate::allocate::filled;
+use adjsplat::error::Result;
 use adjsplat::splat::Frame;
 
 /// A picture in double precision: premultiplied linear red, green, blue and alpha, row by row from the top.
@@ -14,15 +17,31 @@ impl ReferencePicture {
     /// Returns a picture of `size` (columns, rows, at least 1 each) filled with `pixel`.
     ///
     /// # Errors
-    /// [`Error::Limit`] if the memory cannot be had.
+    /// [`Error::OutOfMemory`](adjsplat::Error::OutOfMemory) if the memory cannot be had.
     pub(super) fn filled(size: [u32; 2], pixel: [f64; 4]) -> Result<ReferencePicture> {
-        let count = u64::from(size[0]) * u64::from(size[1]);
-        let refused = || Error::out_of_memory("the picture", 32 * count);
-        let len = usize::try_from(count).map_err(|_| refused())?;
-        let mut pixels = Vec::new();
-        pixels.try_reserve_exact(len).map_err(|_| refused())?;
-        pixels.resize(len, pixel);
+        let pixels = filled("the picture", u64::from(size[0]) * u64::from(size[1]), pixel)?;
         Ok(ReferencePicture { size, pixels })
+    }
+
+    /// Sets each pixel to what `draw` returns for its column and row. Several threads take row after row; each has its own
+    /// scratch memory.
+    pub(super) fn draw<S: Default>(&mut self, threads: usize, draw: impl Fn(&mut S, usize, usize) -> [f64; 4] + Sync) {
+        let columns = self.size[0] as usize;
+        let next_row = Mutex::new(self.pixels.chunks_mut(columns).enumerate());
+        std::thread::scope(|scope| {
+            for _ in 0..threads {
+                scope.spawn(|| {
+                    let mut scratch = S::default();
+                    loop {
+                        let taken = next_row.lock().unwrap_or_else(PoisonError::into_inner).next();
+                        let Some((row, pixels)) = taken else { return };
+                        for (column, pixel) in pixels.iter_mut().enumerate() {
+                            *pixel = draw(&mut scratch, column, row);
+                        }
+                    }
+                });
+            }
+        });
     }
 
     /// Returns the numbers of columns and rows.
@@ -51,7 +70,7 @@ impl ReferencePicture {
     /// Returns the picture with each sample rounded to single precision.
     ///
     /// # Errors
-    /// [`Error::Limit`] if the memory cannot be had.
+    /// [`Error::OutOfMemory`](adjsplat::Error::OutOfMemory) if the memory cannot be had.
     pub fn to_frame(&self) -> Result<Frame> {
         let mut frame = Frame::transparent(self.size)?;
         #[expect(clippy::cast_possible_truncation, reason = "single precision is a frame's")]

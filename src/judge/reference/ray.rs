@@ -21,8 +21,7 @@ use super::picture::ReferencePicture;
 use super::voxels::VisibleVoxels;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::PixelMap;
-use adjsplat::splat::WorldFrame;
-use adjsplat::splat::{Camera, Lighting, Quality, View};
+use adjsplat::splat::{Camera, Lighting, Quality, View, WorldFrame};
 
 /// The number of voxels along an edge of a cell (a cube of voxels).
 const CELL: u16 = 4;
@@ -115,23 +114,10 @@ impl<'a> RayJudge<'a> {
         let rays = Rays::new(camera, &view, WorldFrame::of(self.visible.grid()));
         let colours = self.colours(&view, settings);
         let mut picture = ReferencePicture::filled(settings.size, [0.0; 4])?;
-        let columns = settings.size[0] as usize;
-        let next_row = std::sync::Mutex::new(picture.pixels_mut().chunks_mut(columns).enumerate());
-        std::thread::scope(|scope| {
-            for _ in 0..settings.threads {
-                scope.spawn(|| {
-                    let mut gaussians = Vec::new();
-                    loop {
-                        let taken = next_row.lock().unwrap_or_else(std::sync::PoisonError::into_inner).next();
-                        let Some((row, pixels)) = taken else { return };
-                        for (column, pixel) in pixels.iter_mut().enumerate() {
-                            let ray = rays.through(column, row);
-                            self.gather(&ray, &colours, settings.sigma, &mut gaussians);
-                            *pixel = integrate(&gaussians, settings.sigma / ray.speed, ray.start, settings.tolerance);
-                        }
-                    }
-                });
-            }
+        picture.draw(settings.threads, |gaussians: &mut Vec<RayGaussian>, column, row| {
+            let ray = rays.through(column, row);
+            self.gather(&ray, &colours, settings.sigma, gaussians);
+            integrate(gaussians, settings.sigma / ray.speed, ray.start, settings.tolerance)
         });
         Ok(picture)
     }

@@ -58,15 +58,14 @@ impl VisibleVoxels {
             }
         }
         let (mut voxels, range) = VoxelSweep::new(&header, &transfer).visible(source)?;
+        let has_bytes = header.sample_type.bytes() == 1;
+        let range_of_type = header.sample_type.integer_range().map(|(low, high)| {
+            let [a, b] = [low, high].map(|raw| raw * header.slope + header.intercept);
+            [a.min(b), a.max(b)]
+        });
         if transfer.value_range().is_none() {
-            let [lowest, highest] = match header.sample_type.integer_range() {
-                // With 8-bit samples, the colours cover the whole range of the type.
-                Some((low, high)) if header.sample_type.bytes() == 1 => {
-                    let ends = [low, high].map(|raw| raw * header.slope + header.intercept);
-                    [ends[0].min(ends[1]), ends[0].max(ends[1])]
-                }
-                _ => range,
-            };
+            // With 8-bit samples, the colours cover the whole range of the type.
+            let [lowest, highest] = range_of_type.filter(|_| has_bytes).unwrap_or(range);
             if lowest <= highest {
                 transfer = transfer.with_value_range(lowest, highest)?;
             }
@@ -81,14 +80,9 @@ impl VisibleVoxels {
             }
         }
         let (low, high) = transfer.domain(f64::INFINITY);
-        let bounds = match header.sample_type.integer_range() {
-            // A type's range bounds values as well, where a build does not look for theirs.
-            Some(ends) if header.sample_type.bytes() == 1 || (low.is_finite() && high.is_finite()) => {
-                let ends = [ends.0, ends.1].map(|raw| raw * header.slope + header.intercept);
-                [ends[0].min(ends[1]), ends[0].max(ends[1])]
-            }
-            _ => range,
-        };
+        // A type's range bounds values as well, where a build does not look for theirs.
+        let is_bounded = has_bytes || (low.is_finite() && high.is_finite());
+        let bounds = range_of_type.filter(|_| is_bounded).unwrap_or(range);
         let shown = [low.max(bounds[0]), high.min(bounds[1])];
         let lowest_value = if shown[0] <= shown[1] {
             Quantiser::new(shown, 16, header.sample_type, header.slope, header.intercept)?.low()
@@ -187,13 +181,9 @@ impl<'a> VoxelSweep<'a> {
                     continue;
                 }
                 let (x, y) = (index % width, index / width);
-                let slope = match self.field {
-                    GradientField::Nothing => [0.0; 3],
-                    _ => neighbours.gradient(x, y),
-                };
-                let outward = match self.field {
-                    GradientField::Nothing => [0.0; 3],
-                    _ => neighbours.out_of_volume(x, y),
+                let (slope, outward) = match self.field {
+                    GradientField::Nothing => ([0.0; 3], [0.0; 3]),
+                    _ => (neighbours.gradient(x, y), neighbours.out_of_volume(x, y)),
                 };
                 // How opaque a cap is follows when the range of the values is known.
                 let is_cut = outward != [0.0; 3] && self.transfer.shows_cut(value);

@@ -2,8 +2,9 @@
 
 use super::family::Family;
 use adjsplat::error::Result;
-use adjsplat::splat::{Blending, KernelShape, Quality, Sampling, Settings, View};
+use adjsplat::splat::{Blending, Camera, KernelShape, Quality, Sampling, Settings, View};
 use adjsplat::traverse::{Order, Sense, SplitForm};
+use adjsplat::volume::Grid;
 
 /// Says which axis of a view's order becomes which loop of the walk: slow (outermost), medium or fast (innermost).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -108,22 +109,19 @@ impl Candidate {
         text
     }
 
-    /// Returns the renderer's settings for one thread; `view` must have the size of the picture that is drawn.
+    /// Returns the renderer's settings for one thread and a picture of `size`.
     ///
     /// # Errors
-    /// Any error of [`Order::new`].
-    pub fn settings(&self, view: &View, dims: [u32; 3]) -> Result<Settings> {
+    /// Any error of [`View::new`] and [`Order::new`].
+    pub fn settings(&self, camera: &Camera, grid: &Grid, size: [u32; 2]) -> Result<Settings> {
+        let view = View::new(camera, grid, size, Quality::Reference.kernel(), None)?;
+        let own = Order::new(view.viewpoint, grid.dims, self.sense, SplitForm::default())?;
         let order = match self.nesting {
             Nesting::Own => None,
-            Nesting::MediumFastSwapped | Nesting::SlowFastSwapped => {
-                let own = Order::new(view.viewpoint, dims, self.sense, SplitForm::default())?;
-                Some(match self.nesting {
-                    Nesting::SlowFastSwapped => Order { slow: own.fast, fast: own.slow, ..own },
-                    _ => Order { medium: own.fast, fast: own.medium, ..own },
-                })
-            }
+            Nesting::MediumFastSwapped => Some(Order { medium: own.fast, fast: own.medium, ..own }),
+            Nesting::SlowFastSwapped => Some(Order { slow: own.fast, fast: own.slow, ..own }),
         };
-        Ok(Settings::every_pixel(view.size)
+        Ok(Settings::every_pixel(size)
             .with_quality(self.quality.unwrap_or_default())
             .with_kernel(self.kernel)
             .with_termination(self.termination)

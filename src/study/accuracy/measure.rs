@@ -9,12 +9,11 @@ use super::candidate::{Candidate, Drawer};
 use super::front::front;
 use super::truth::truth;
 use super::view::JudgedView;
-use crate::GoOn;
-use crate::baselines::{BuiltMethod, Octree};
-use crate::picture;
-use adjsplat::error::{Error, Result};
+use crate::baselines::{Octree, Structure};
+use crate::{GoOn, picture, report_step};
+use adjsplat::error::Result;
 use adjsplat::internals::in_order;
-use adjsplat::splat::{Frame, Quality, View, cpu};
+use adjsplat::splat::Frame;
 use adjsplat_judge::metrics::{Metrics, compare};
 
 /// How often and with how many threads candidates are measured.
@@ -72,7 +71,7 @@ pub fn mark_front(outcomes: &mut [Outcome]) {
 /// views. Takes memory for one frame per thread, and for the reference pictures of all views.
 ///
 /// # Errors
-/// Any error of drawing; [`Error::Interrupted`] if `go_on` cancels.
+/// Any error of drawing; [`Error::Interrupted`](adjsplat::Error::Interrupted) if `go_on` cancels.
 pub fn measure(
     set: &JudgedSet,
     views: &[JudgedView],
@@ -82,7 +81,7 @@ pub fn measure(
 ) -> Result<Vec<Outcome>> {
     let octree = match set.subject {
         Some(subject) if candidates.iter().any(|candidate| matches!(candidate.drawer, Drawer::Octree(_))) => {
-            Some(Mutex::new(BuiltMethod::Octree(Octree::new(subject, 0.0)?)))
+            Some(Mutex::new(Structure::Octree(Octree::new(subject, 0.0)?)))
         }
         _ => None,
     };
@@ -91,7 +90,7 @@ pub fn measure(
     let mut done = 0;
     let mut step = |steps: usize| {
         done += steps as u64;
-        if go_on(done.min(total), total).is_break() { Err(Error::Interrupted) } else { Ok(()) }
+        report_step(go_on, done.min(total), total)
     };
     let mut outcomes = Vec::new();
     for (index, view) in views.iter().enumerate() {
@@ -149,7 +148,7 @@ fn over_all(views: &[JudgedView], candidates: usize, outcomes: &[Outcome]) -> Ve
 struct CandidateRenderer<'a> {
     set: &'a JudgedSet<'a>,
     /// The octree, which is shared by all pictures; each picture sets its own threshold.
-    octree: Option<Mutex<BuiltMethod<'a>>>,
+    octree: Option<Mutex<Structure<'a>>>,
 }
 
 impl CandidateRenderer<'_> {
@@ -187,21 +186,16 @@ impl CandidateRenderer<'_> {
 
     fn draw(&self, view: &JudgedView, candidate: &Candidate) -> Result<Frame> {
         let set = self.set;
-        let grid = set.judge.visible().grid();
-        let looked = View::new(&view.camera, grid, view.size, Quality::Reference.kernel(), None)?;
-        let settings = candidate.settings(&looked, grid.dims)?;
         match (candidate.drawer, &self.octree, set.subject) {
             (Drawer::Octree(threshold), Some(octree), Some(subject)) => {
                 let mut built = octree.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-                if let BuiltMethod::Octree(octree) = &mut *built {
+                if let Structure::Octree(octree) = &mut *built {
                     octree.set_threshold(threshold)?;
                 }
+                let settings = candidate.settings(&view.camera, set.judge.visible().grid(), view.size)?;
                 picture::of_method(subject, &view.camera, &settings, &mut built, true)
             }
-            _ => {
-                let scene = set.file(candidate.value_bits, candidate.normal_bits)?;
-                Ok(cpu::render(&scene, &view.camera, &settings)?.0)
-            }
+            _ => set.render(candidate, &view.camera, view.size, 1),
         }
     }
 }

@@ -31,7 +31,7 @@ pub use view::{JudgedView, views};
 
 use super::subject::Subject;
 use adjsplat::error::{Error, Result};
-use adjsplat::splat::Scene;
+use adjsplat::splat::{Camera, Frame, Scene, cpu};
 use adjsplat_judge::reference::Judge;
 
 /// A file of a set, with the bits of its values and normals.
@@ -69,6 +69,13 @@ impl<'a> JudgedSet<'a> {
             let why = format!("has no file with values of {value_bits} and normals of {normal_bits} bits");
             Error::input(self.name, why)
         })
+    }
+
+    /// Draws a candidate's picture with the renderer.
+    fn render(&self, candidate: &Candidate, camera: &Camera, size: [u32; 2], threads: usize) -> Result<Frame> {
+        let scene = self.file(candidate.value_bits, candidate.normal_bits)?;
+        let settings = candidate.settings(camera, self.judge.visible().grid(), size)?.with_threads(threads);
+        Ok(cpu::render(&scene, camera, &settings)?.0)
     }
 
     /// Returns whether the set has the file that `candidate` draws.

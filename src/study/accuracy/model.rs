@@ -9,9 +9,9 @@
 
 use super::view::JudgedView;
 use super::{Candidate, JudgedSet};
-use crate::GoOn;
+use crate::{GoOn, report_step};
 use adjsplat::error::{Error, Result};
-use adjsplat::splat::{Frame, Quality, View, cpu};
+use adjsplat::splat::Frame;
 use adjsplat_judge::metrics::{Metrics, compare};
 use adjsplat_judge::reference::{JudgeSettings, RayJudge, RaySettings, SplatOrder};
 
@@ -86,17 +86,12 @@ pub fn measure(
         };
         push(ErrorPart::Model, None, &integral, &sorted)?;
         push(ErrorPart::Order, None, &sorted, &nested)?;
-        let looked = View::new(&view.camera, visible.grid(), view.size, Quality::Reference.kernel(), None)?;
         for (number, candidate) in candidates.iter().enumerate() {
-            let settings = candidate.settings(&looked, visible.grid().dims)?.with_threads(threads);
-            let scene = set.file(candidate.value_bits, candidate.normal_bits)?;
-            let drawn = cpu::render(&scene, &view.camera, &settings)?.0;
+            let drawn = set.render(candidate, &view.camera, view.size, threads)?;
             push(ErrorPart::Arithmetic, Some(number), &nested, &drawn)?;
             push(ErrorPart::All, Some(number), &integral, &drawn)?;
         }
-        if go_on(index as u64 + 1, views.len() as u64).is_break() {
-            return Err(Error::Interrupted);
-        }
+        report_step(go_on, index as u64 + 1, views.len() as u64)?;
     }
     Ok(shares)
 }

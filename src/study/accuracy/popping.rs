@@ -9,11 +9,10 @@
 
 use super::JudgedSet;
 use super::candidate::Candidate;
-use crate::GoOn;
-use adjsplat::error::{Error, Result};
-use adjsplat::splat::{Camera, Frame, Orbit, Projection, Quality, Surround, View, cpu};
-use adjsplat::traverse;
-use adjsplat::traverse::{Sense, SplitForm};
+use crate::{GoOn, report_step};
+use adjsplat::error::Result;
+use adjsplat::splat::{Camera, Frame, Orbit, Projection, Quality, Surround, View};
+use adjsplat::traverse::{Order, Sense, SplitForm};
 use adjsplat::volume::{Axis, Grid};
 use adjsplat_judge::reference::{JudgeSettings, SplatOrder};
 
@@ -59,7 +58,7 @@ pub struct Popping {
 /// Returns nothing if no azimuth switches the slow axis.
 ///
 /// # Errors
-/// Any error of drawing; [`Error::Interrupted`] if `go_on` cancels.
+/// Any error of drawing; [`Error::Interrupted`](adjsplat::Error::Interrupted) if `go_on` cancels.
 pub fn measure(set: &JudgedSet, presets: &[Candidate], threads: usize, go_on: GoOn) -> Result<Vec<Popping>> {
     let visible = set.judge.visible();
     let (grid, Some((low, high))) = (visible.grid(), visible.bounds()) else { return Ok(Vec::new()) };
@@ -82,17 +81,11 @@ pub fn measure(set: &JudgedSet, presets: &[Candidate], threads: usize, go_on: Go
             };
             push("judge, nested".to_owned(), judged(SplatOrder::Nested)?);
             for candidate in presets {
-                let scene = set.file(candidate.value_bits, candidate.normal_bits)?;
-                let found = change(&cameras, |camera| {
-                    let settings = candidate.settings(&turn.view(camera)?, grid.dims)?;
-                    Ok(cpu::render(&scene, camera, &settings.with_threads(threads))?.0)
-                })?;
+                let found = change(&cameras, |camera| set.render(candidate, camera, turn.size, threads))?;
                 push(format!("{}, {} bits", candidate.quality_name(), candidate.value_bits), found);
             }
             done += 1;
-            if go_on(done, total).is_break() {
-                return Err(Error::Interrupted);
-            }
+            report_step(go_on, done, total)?;
         }
     }
     Ok(all)
@@ -139,13 +132,9 @@ impl<'a> Turn<'a> {
         Camera::orbiting(Orbit { azimuth, elevation: ELEVATION, ..Orbit::default() }, self.around, self.size)
     }
 
-    fn view(&self, camera: &Camera) -> Result<View> {
-        View::new(camera, self.grid, self.size, Quality::Reference.kernel(), None)
-    }
-
     fn slow(&self, azimuth: f64) -> Result<Axis> {
-        let view = self.view(&self.camera(azimuth)?)?;
-        let order = traverse::Order::new(view.viewpoint, self.grid.dims, Sense::FrontToBack, SplitForm::default())?;
+        let view = View::new(&self.camera(azimuth)?, self.grid, self.size, Quality::Reference.kernel(), None)?;
+        let order = Order::new(view.viewpoint, self.grid.dims, Sense::FrontToBack, SplitForm::default())?;
         Ok(order.slow)
     }
 

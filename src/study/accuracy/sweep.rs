@@ -6,8 +6,7 @@ use super::candidate::{Candidate, Drawer, Nesting};
 use super::family::Family;
 use adjsplat::splat::{Blending, KernelShape, Quality, Sampling};
 use adjsplat::traverse::Sense;
-use adjsplat_judge::dial;
-use adjsplat_judge::dial::Rung;
+use adjsplat_judge::dial::{RUNGS, Rung};
 
 /// Kernels: each standard deviation in voxels with its radii, from narrower than that of `draft` to the widest in use.
 const KERNELS: [(f32, &[f32]); 4] =
@@ -37,7 +36,7 @@ pub fn candidates(quick: bool) -> Vec<Candidate> {
         }
     };
     // The dial's error does not include that of the file, so its candidates get the most exact file.
-    for Rung { kernel, termination, sampling } in dial::RUNGS {
+    for Rung { kernel, termination, sampling } in RUNGS {
         let stored = Candidate { value_bits: 16, normal_bits: 16, ..Candidate::away(Family::Dial) };
         add(Candidate { kernel, termination, sampling, ..stored });
     }

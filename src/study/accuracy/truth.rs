@@ -39,7 +39,7 @@ fn settings(size: [u32; 2], threads: usize) -> JudgeSettings {
 /// Filters `fine` by a Gaussian of `sigma` fine pixels and keeps every [`FINER`]-th pixel.
 /// Beyond its edge `fine` counts as empty.
 fn seen_through(fine: &ReferencePicture, size: [u32; 2], sigma: f64) -> Result<Frame> {
-    let [columns, rows] = size.map(|side| side as usize);
+    let columns = size[0] as usize;
     let [fine_columns, fine_rows] = fine.size().map(|side| side as usize);
     let taps = |at: usize, end: usize| taps(at, end, sigma);
     // Rows are filtered first, then columns.
@@ -61,7 +61,6 @@ fn seen_through(fine: &ReferencePicture, size: [u32; 2], sigma: f64) -> Result<F
             *pixel = single;
         }
     }
-    debug_assert_eq!(frame.pixels().len(), 4 * columns * rows, "a frame has its size");
     Ok(frame)
 }
 

@@ -19,6 +19,11 @@ fn refused(what: &str, need: u64, have: u64) -> Error {
     Error::Limit { what: format!("memory for {what} in bytes"), need, have }
 }
 
+/// Returns `count`, a number of elements that have numbers of 32 bits; `what` names them in errors.
+pub(super) fn counted(what: &str, count: u64) -> Result<u32> {
+    u32::try_from(count).map_err(|_| Error::Limit { what: what.into(), need: count, have: u32::MAX.into() })
+}
+
 /// Returns an empty array with room for exactly `count` elements; `what` names it in errors.
 pub(super) fn reserved<T>(what: &str, count: u64) -> Result<Vec<T>> {
     let need = count.saturating_mul(size_of::<T>() as u64);

@@ -1,4 +1,4 @@
-//! Methods: all structures that studies compare, by name.
+//! Methods: all structures that studies compare, by name; and any structure, behind one type.
 
 use super::adjacency_a::AdjacencyA;
 use super::adjacency_b::{AdjacencyB, Storage};
@@ -11,7 +11,10 @@ use super::traditional::Traditional;
 use super::unordered::Unordered;
 use super::{Receiver, Viewing, Walker};
 use crate::Subject;
+use crate::lane_walk::OwnWalk;
+use crate::layouts::LayoutWalk;
 use crate::ours::Adjsplat;
+use crate::receive::VoxelSum;
 use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::{Error, Result};
 
@@ -93,21 +96,21 @@ impl Method {
     ///
     /// # Errors
     /// [`Error::Limit`] if memory cannot be had or the structure would be too large; any error of [`Subject::looks`].
-    pub fn build<'a>(self, subject: &'a Subject<'a>) -> Result<BuiltMethod<'a>> {
+    pub fn build<'a>(self, subject: &'a Subject<'a>) -> Result<Structure<'a>> {
         Ok(match self {
-            Method::Adjsplat => BuiltMethod::Adjsplat(Adjsplat::new(subject)?),
-            Method::Traditional => BuiltMethod::Traditional(Traditional::new(subject)?),
-            Method::Unordered => BuiltMethod::Unordered(Unordered::new(subject)?),
-            Method::Octree => BuiltMethod::Octree(Octree::new(subject, 0.0)?),
-            Method::AdjacencyA => BuiltMethod::AdjacencyA(AdjacencyA::new(subject)?),
-            Method::AdjacencyB => BuiltMethod::AdjacencyB(AdjacencyB::new(subject, Storage::AsBuilt)?),
-            Method::AdjacencyBShuffled => BuiltMethod::AdjacencyB(AdjacencyB::new(subject, Storage::Shuffled(SEED))?),
-            Method::Shell => BuiltMethod::Shell(Shell::new(subject, Lists::One, OPAQUE)?),
-            Method::ShellThree => BuiltMethod::Shell(Shell::new(subject, Lists::Three, OPAQUE)?),
-            Method::Sorted => BuiltMethod::Sorted(Sorted::new(subject)?),
-            Method::Bricks => BuiltMethod::Bricks(Bricks::new(subject, BrickOrder::Slices)?),
-            Method::BricksBrickwise => BuiltMethod::Bricks(Bricks::new(subject, BrickOrder::Bricks)?),
-            Method::RunLength => BuiltMethod::RunLength(RunLength::new(subject)?),
+            Method::Adjsplat => Structure::Adjsplat(Adjsplat::new(subject)?),
+            Method::Traditional => Structure::Traditional(Traditional::new(subject)?),
+            Method::Unordered => Structure::Unordered(Unordered::new(subject)?),
+            Method::Octree => Structure::Octree(Octree::new(subject, 0.0)?),
+            Method::AdjacencyA => Structure::AdjacencyA(AdjacencyA::new(subject)?),
+            Method::AdjacencyB => Structure::AdjacencyB(AdjacencyB::new(subject, Storage::AsBuilt)?),
+            Method::AdjacencyBShuffled => Structure::AdjacencyB(AdjacencyB::new(subject, Storage::Shuffled(SEED))?),
+            Method::Shell => Structure::Shell(Shell::new(subject, Lists::One, OPAQUE)?),
+            Method::ShellThree => Structure::Shell(Shell::new(subject, Lists::Three, OPAQUE)?),
+            Method::Sorted => Structure::Sorted(Sorted::new(subject)?),
+            Method::Bricks => Structure::Bricks(Bricks::new(subject, BrickOrder::Slices)?),
+            Method::BricksBrickwise => Structure::Bricks(Bricks::new(subject, BrickOrder::Bricks)?),
+            Method::RunLength => Structure::RunLength(RunLength::new(subject)?),
         })
     }
 }
@@ -131,10 +134,11 @@ pub fn names() -> [&'static str; Method::ALL.len()] {
     ]
 }
 
-/// The structure that a method built for a subject.
+/// A structure that can be walked: a method built it, or it is made of lanes whose accesses are studied.
 #[derive(Debug)]
 #[expect(missing_docs, reason = "each variant is the structure that it is named for")]
-pub enum BuiltMethod<'a> {
+#[expect(clippy::large_enum_variant, reason = "a study holds a few of them")]
+pub enum Structure<'a> {
     Adjsplat(Adjsplat<'a>),
     Traditional(Traditional),
     Unordered(Unordered),
@@ -145,31 +149,48 @@ pub enum BuiltMethod<'a> {
     Sorted(Sorted),
     Bricks(Bricks),
     RunLength(RunLength),
+    /// Our own lanes, of which each access can be traced.
+    OwnWalk(OwnWalk<'a>),
+    /// Lanes in another memory layout.
+    Layout(LayoutWalk),
+}
+
+/// These functions are not generic: they are compiled once, here.
+impl Structure<'_> {
+    /// Walks the structure and adds up all that voxels have.
+    pub fn summed(&mut self, viewing: &Viewing) -> VoxelSum {
+        self.received(viewing)
+    }
+
+    /// Walks the structure, adds up all that voxels have, and gives each memory access to `trace`.
+    pub fn traced(&mut self, viewing: &Viewing, mut trace: &mut dyn Trace) -> VoxelSum {
+        let mut sum = VoxelSum::default();
+        self.walk(viewing, &mut sum, &mut trace);
+        sum
+    }
 }
 
 /// Calls the same method of whichever structure the enum holds.
 macro_rules! whichever {
     ($built:expr, $walker:ident => $call:expr) => {
         match $built {
-            BuiltMethod::Adjsplat($walker) => $call,
-            BuiltMethod::Traditional($walker) => $call,
-            BuiltMethod::Unordered($walker) => $call,
-            BuiltMethod::Octree($walker) => $call,
-            BuiltMethod::AdjacencyA($walker) => $call,
-            BuiltMethod::AdjacencyB($walker) => $call,
-            BuiltMethod::Shell($walker) => $call,
-            BuiltMethod::Sorted($walker) => $call,
-            BuiltMethod::Bricks($walker) => $call,
-            BuiltMethod::RunLength($walker) => $call,
+            Structure::Adjsplat($walker) => $call,
+            Structure::Traditional($walker) => $call,
+            Structure::Unordered($walker) => $call,
+            Structure::Octree($walker) => $call,
+            Structure::AdjacencyA($walker) => $call,
+            Structure::AdjacencyB($walker) => $call,
+            Structure::Shell($walker) => $call,
+            Structure::Sorted($walker) => $call,
+            Structure::Bricks($walker) => $call,
+            Structure::RunLength($walker) => $call,
+            Structure::OwnWalk($walker) => $call,
+            Structure::Layout($walker) => $call,
         }
     };
 }
 
-impl Walker for BuiltMethod<'_> {
-    fn method(&self) -> &'static str {
-        whichever!(self, walker => walker.method())
-    }
-
+impl Walker for Structure<'_> {
     fn arrays(&self) -> Vec<WalkerArray> {
         whichever!(self, walker => walker.arrays())
     }

@@ -31,13 +31,19 @@ mod unordered;
 
 pub use adjacency_a::AdjacencyA;
 pub use adjacency_b::{AdjacencyB, Storage};
-pub use method::{BuiltMethod, Method, names};
+pub use method::{Method, Structure, names};
 pub use octree::Octree;
 pub use shell::{Lists, Shell};
 
-use super::trace::{Trace, WalkerArray};
+use super::trace::{Trace, Untraced, WalkerArray};
+use adjsplat::arena::Lane;
 use adjsplat::error::Result;
-use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
+use adjsplat::traverse::{AxisOrder, Batch, Order, Sense, SplitForm, Viewpoint};
+
+/// Returns the indices (0 for x, 1 for y, 2 for z) of an order's slow, medium and fast axis.
+pub(super) fn nesting(order: &Order) -> [usize; 3] {
+    [order.slow, order.medium, order.fast].map(|axis| axis.index())
+}
 
 /// Returns `position` with its coordinate on `axis` replaced. It selects each coordinate: writing to an array in memory
 /// and reading it back would stall every voxel.
@@ -54,6 +60,15 @@ pub(super) fn placed(position: [u16; 3], axis: usize, coordinate: u16) -> [u16; 
 /// Returns all coordinates of an axis with this number of points, ascending.
 fn coordinates(points: u32) -> Vec<u16> {
     (0..=u16::MAX).take(points as usize).collect()
+}
+
+/// Calls `visit` with each pair of coordinates on the axes `slow` and `medium` of a grid, in the sequence of `order`.
+#[inline(always)]
+fn for_each_line(order: &Order, [slow, medium]: [usize; 2], dims: [u32; 3], mut visit: impl FnMut(usize, usize)) {
+    let [slow_all, medium_all] = [slow, medium].map(|axis| coordinates(dims[axis]));
+    order.along[slow].for_each_index(&slow_all, |s| {
+        order.along[medium].for_each_index(&medium_all, |m| visit(s, m));
+    });
 }
 
 /// Converts a coordinate of the grid, which fits 16 bits.
@@ -138,18 +153,38 @@ pub trait Receiver {
     fn voxel(&mut self, position: [u16; 3], value: u8, normal: Normal);
     /// Receives a cube of voxels; only an octree with an error threshold above 0 delivers cubes.
     fn cube(&mut self, cube: &VoxelCube);
+
+    /// Receives the voxels of a batch, which our own walk through `lane` delivers in `order`.
+    #[inline(always)]
+    fn batch(&mut self, lane: &Lane, order: &Order, batch: &Batch) {
+        let [slow, medium, fast] = nesting(order);
+        // A subject's lanes have no edits: all records lie in the channels.
+        let (values, normals) = (lane.values, lane.normals.as_chunks().0);
+        let slice = placed([0; 3], slow, batch.slow);
+        let first = batch.record_index(0) - batch.record[0] as usize;
+        for ((&m, &f), &record) in batch.medium.iter().zip(batch.fast).zip(batch.record) {
+            let position = placed(placed(slice, medium, m), fast, f);
+            let record = first + record as usize;
+            let normal = normals.get(record).map_or(0, |&code| u16::from_le_bytes(code));
+            self.voxel(position, values[record], Normal::Code(normal));
+        }
+    }
 }
 
 /// A structure whose visible voxels can be visited in the order of a view.
 pub trait Walker {
-    /// Returns the method's name in tables and files.
-    fn method(&self) -> &'static str;
-
     /// Returns the structure's allocations; a trace numbers them in this order.
     fn arrays(&self) -> Vec<WalkerArray>;
 
     /// Delivers every visible voxel to `receiver`, in the order that this method has for `viewing`.
     fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T);
+
+    /// Delivers every visible voxel to a new receiver, and returns it.
+    fn received<R: Receiver + Default>(&mut self, viewing: &Viewing) -> R {
+        let mut receiver = R::default();
+        self.walk(viewing, &mut receiver, &mut Untraced);
+        receiver
+    }
 
     /// Returns the bytes that the structure takes between frames.
     fn bytes(&self) -> u64 {

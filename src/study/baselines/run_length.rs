@@ -14,12 +14,12 @@
 //! Source: Lacroute and Levoy, "Fast Volume Rendering Using a Shear-Warp Factorization of the Viewing
 //! Transformation", SIGGRAPH 1994.
 
-use super::allocate::{filled, push, reserved};
-use super::{Normal, Receiver, Viewing, Walker, coordinates, narrow, placed};
+use super::allocate::{counted, filled, push, reserved};
+use super::{Normal, Receiver, Viewing, Walker, for_each_line, narrow, nesting, placed};
 use crate::Subject;
 use crate::subject::VisibleVoxel;
-use crate::trace::{Trace, WalkerArray};
-use adjsplat::error::{Error, Result};
+use crate::trace::{Trace, WalkerArray, along_axes};
+use adjsplat::error::Result;
 use adjsplat::traverse::AxisOrder;
 use adjsplat::volume::Axis;
 
@@ -58,7 +58,7 @@ impl RunLength {
     /// Builds the runs of `subject`.
     ///
     /// # Errors
-    /// [`Error::Limit`] if there are 2^32 voxels or runs along an axis, or memory cannot be had.
+    /// [`Error::Limit`](adjsplat::Error::Limit) if there are 2^32 voxels or runs along an axis, or memory cannot be had.
     pub fn new(subject: &Subject) -> Result<RunLength> {
         let [x, y, z] = Axis::ALL.map(|axis| RunLines::new(subject, axis));
         Ok(RunLength { dims: subject.dims(), lines: [x?, y?, z?] })
@@ -90,7 +90,9 @@ impl RunLines {
         lines.normals.extend(ordered.iter().map(|voxel| voxel.normal));
         let mut at = 0;
         for index in 0..lines.starts.len() {
-            lines.starts[index] = LineStart { pair: u32_of(lines.pairs.len())?, payload: u32_of(at)? };
+            let [pair, payload] =
+                [lines.pairs.len(), at].map(|count| counted("voxels or runs along an axis", count as u64));
+            lines.starts[index] = LineStart { pair: pair?, payload: payload? };
             let voxels = ordered[at..].iter().take_while(|voxel| line(voxel) == index);
             let from = at;
             let mut next = 0;
@@ -133,26 +135,9 @@ impl RunLines {
     }
 }
 
-/// Converts an index into an array of at most 2^32 elements.
-fn u32_of(place: usize) -> Result<u32> {
-    u32::try_from(place).map_err(|_| Error::Limit {
-        what: "voxels or runs along an axis".into(),
-        need: place as u64,
-        have: u32::MAX.into(),
-    })
-}
-
 impl Walker for RunLength {
-    fn method(&self) -> &'static str {
-        "run_length"
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
-        const NAMES: [[&str; ARRAYS]; 3] = [
-            ["lines along x", "pairs along x", "values along x", "normals along x"],
-            ["lines along y", "pairs along y", "values along y", "normals along y"],
-            ["lines along z", "pairs along z", "values along z", "normals along z"],
-        ];
+        const NAMES: [[&str; ARRAYS]; 3] = along_axes!("lines along", "pairs along", "values along", "normals along");
         let arrays = |(lines, names): (&RunLines, [&'static str; ARRAYS])| {
             [
                 WalkerArray::of(names[0], &lines.starts),
@@ -166,71 +151,66 @@ impl Walker for RunLength {
 
     fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T) {
         let order = &viewing.order;
-        let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(|axis| axis.index());
+        let [slow, medium, fast] = nesting(order);
         let lines = &self.lines[fast];
         let array = ARRAYS * fast;
-        let [slow_all, medium_all] = [slow, medium].map(|axis| coordinates(self.dims[axis]));
         let last = usize::try_from(self.dims[fast]).expect("an axis has at most 65,535 points");
-        let mut position = [0; 3];
         let mut row: Vec<u16> = Vec::new();
-        order.along[slow].for_each_index(&slow_all, |s| {
-            position[slow] = slow_all[s];
-            order.along[medium].for_each_index(&medium_all, |m| {
-                let line = s * lines.stride[slow] + m * lines.stride[medium];
-                trace.read(array, 8 * line, 16);
-                let [start, end] = [lines.starts[line], lines.starts[line + 1]];
-                if start.payload == end.payload {
-                    return;
-                }
-                position[medium] = medium_all[m];
-                let mut show = |coordinate: u16, payload: usize, trace: &mut T| {
-                    trace.read(array + 2, payload, 1);
-                    trace.read(array + 3, 2 * payload, 2);
-                    let position = placed(position, fast, coordinate);
-                    receiver.voxel(position, lines.values[payload], Normal::Code(lines.normals[payload]));
-                };
-                let first_pair = start.pair as usize;
-                let pairs = lines.pairs[first_pair..end.pair as usize].iter().enumerate();
-                let mut payload = start.payload as usize;
-                match order.along[fast] {
-                    AxisOrder::Ascending => {
-                        let mut at = 0;
-                        for (index, &[empty, visible]) in pairs {
-                            trace.read(array + 1, 2 * (first_pair + index), 2);
-                            at += usize::from(empty);
-                            for _ in 0..visible {
-                                show(narrow(at), payload, trace);
-                                at += 1;
-                                payload += 1;
-                            }
+        for_each_line(order, [slow, medium], self.dims, |s, m| {
+            let line = s * lines.stride[slow] + m * lines.stride[medium];
+            trace.read(array, 8 * line, 16);
+            let [start, end] = [lines.starts[line], lines.starts[line + 1]];
+            if start.payload == end.payload {
+                return;
+            }
+            let position = placed(placed([0; 3], slow, narrow(s)), medium, narrow(m));
+            let mut show = |coordinate: u16, payload: usize, trace: &mut T| {
+                trace.read(array + 2, payload, 1);
+                trace.read(array + 3, 2 * payload, 2);
+                let position = placed(position, fast, coordinate);
+                receiver.voxel(position, lines.values[payload], Normal::Code(lines.normals[payload]));
+            };
+            let first_pair = start.pair as usize;
+            let pairs = lines.pairs[first_pair..end.pair as usize].iter().enumerate();
+            let mut payload = start.payload as usize;
+            match order.along[fast] {
+                AxisOrder::Ascending => {
+                    let mut at = 0;
+                    for (index, &[empty, visible]) in pairs {
+                        trace.read(array + 1, 2 * (first_pair + index), 2);
+                        at += usize::from(empty);
+                        for _ in 0..visible {
+                            show(narrow(at), payload, trace);
+                            at += 1;
+                            payload += 1;
                         }
-                    }
-                    AxisOrder::Descending => {
-                        let mut at = last;
-                        payload = end.payload as usize;
-                        for (index, &[empty, visible]) in pairs.rev() {
-                            trace.read(array + 1, 2 * (first_pair + index), 2);
-                            for _ in 0..visible {
-                                at -= 1;
-                                payload -= 1;
-                                show(narrow(at), payload, trace);
-                            }
-                            at -= usize::from(empty);
-                        }
-                    }
-                    AxisOrder::TwoSided { .. } => {
-                        row.clear();
-                        let mut at = 0;
-                        for (index, &[empty, visible]) in pairs {
-                            trace.read(array + 1, 2 * (first_pair + index), 2);
-                            at += usize::from(empty);
-                            row.extend((at..at + usize::from(visible)).map(narrow));
-                            at += usize::from(visible);
-                        }
-                        order.along[fast].for_each_index(&row, |index| show(row[index], payload + index, trace));
                     }
                 }
-            });
+                AxisOrder::Descending => {
+                    let mut at = last;
+                    payload = end.payload as usize;
+                    for (index, &[empty, visible]) in pairs.rev() {
+                        trace.read(array + 1, 2 * (first_pair + index), 2);
+                        for _ in 0..visible {
+                            at -= 1;
+                            payload -= 1;
+                            show(narrow(at), payload, trace);
+                        }
+                        at -= usize::from(empty);
+                    }
+                }
+                AxisOrder::TwoSided { .. } => {
+                    row.clear();
+                    let mut at = 0;
+                    for (index, &[empty, visible]) in pairs {
+                        trace.read(array + 1, 2 * (first_pair + index), 2);
+                        at += usize::from(empty);
+                        row.extend((at..at + usize::from(visible)).map(narrow));
+                        at += usize::from(visible);
+                    }
+                    order.along[fast].for_each_index(&row, |index| show(row[index], payload + index, trace));
+                }
+            }
         });
     }
 }

@@ -13,11 +13,11 @@
 //!
 //! Source: Udupa and Odhner, "Shell Rendering", CG&A 1993; Botha and Post, "ShellSplatting", VisSym 2003.
 
-use super::allocate::{filled, product, reserved};
-use super::{Normal, Receiver, Viewing, Walker, coordinates, placed};
+use super::allocate::{counted, filled, product, reserved};
+use super::{Normal, Receiver, Viewing, Walker, for_each_line, narrow, placed};
 use crate::Subject;
-use crate::trace::{Trace, WalkerArray};
-use adjsplat::error::{Error, Result};
+use crate::trace::{Trace, WalkerArray, along_axes};
+use adjsplat::error::Result;
 use adjsplat::traverse::{AxisOrder, Viewpoint};
 use adjsplat::volume::Axis;
 
@@ -67,7 +67,7 @@ impl Shell {
     /// Builds the rows of `subject`. A neighbour is opaque if its opacity is at least `opaque` (above 0, at most 1).
     ///
     /// # Errors
-    /// [`Error::Limit`] if there are 2^32 voxels or memory cannot be had; any error of [`Subject::looks`].
+    /// [`Error::Limit`](adjsplat::Error::Limit) if there are 2^32 voxels or memory cannot be had; any error of [`Subject::looks`].
     pub fn new(subject: &Subject, lists: Lists, opaque: f32) -> Result<Shell> {
         let opaque_codes = subject.looks()?.map(|look| 1.0 - (-look[3]).exp2() >= opaque);
         let [width, height, depth] = subject.dims().map(u64::from);
@@ -115,9 +115,7 @@ impl Shell {
 impl ShellRows {
     fn new(subject: &Subject, axis: Axis, opaque_neighbours: impl Fn([u16; 3]) -> u8) -> Result<ShellRows> {
         let count = subject.voxels.len() as u64;
-        if count > u32::MAX.into() {
-            return Err(Error::Limit { what: "voxels of shell splatting".into(), need: count, have: u32::MAX.into() });
-        }
+        counted("voxels of shell splatting", count)?;
         let [u, v] = axis.others().map(Axis::index);
         let dims = subject.dims();
         let mut stride = [0; 3];
@@ -169,16 +167,8 @@ fn toward_eye(viewpoint: Viewpoint, axis: usize, coordinate: u16) -> u8 {
 }
 
 impl Walker for Shell {
-    fn method(&self) -> &'static str {
-        if self.lists.len() == 1 { "shell" } else { "shell_three" }
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
-        const NAMES: [[&str; 2]; 3] = [
-            ["row pointers along x", "voxels along x"],
-            ["row pointers along y", "voxels along y"],
-            ["row pointers along z", "voxels along z"],
-        ];
+        const NAMES: [[&str; 2]; 3] = along_axes!("row pointers along", "voxels along");
         let arrays = |(rows, [pointers, voxels]): (&ShellRows, [&'static str; 2])| {
             [WalkerArray::of(pointers, &rows.pointers), WalkerArray::of(voxels, &rows.voxels)]
         };
@@ -197,54 +187,51 @@ impl Walker for Shell {
         };
         let fast = rows.axis.index();
         let viewpoint = viewing.viewpoint;
-        let (mut position, mut skipped) = ([0; 3], 0);
+        let mut skipped = 0;
         let mut line = Vec::new();
-        let [slow_all, medium_all] = [slow, medium].map(|axis| coordinates(self.dims[axis]));
-        order.along[slow].for_each_index(&slow_all, |s| {
-            position[slow] = slow_all[s];
-            order.along[medium].for_each_index(&medium_all, |m| {
-                let row = s * rows.stride[slow] + m * rows.stride[medium];
-                trace.read(pointer_array, 4 * row, 8);
-                let first = rows.pointers[row] as usize;
-                let voxels = &rows.voxels[first..rows.pointers[row + 1] as usize];
-                if voxels.is_empty() {
-                    return;
-                }
-                position[medium] = medium_all[m];
-                let across = if self.hides {
-                    toward_eye(viewpoint, slow, slow_all[s]) | toward_eye(viewpoint, medium, medium_all[m])
-                } else {
-                    0
-                };
-                let mut show = |index: usize, voxel: &ShellVoxel, trace: &mut T| {
-                    trace.read(voxel_array, 6 * (first + index), 6);
-                    let position = placed(position, fast, voxel.coordinate);
-                    if self.hides {
-                        let hiding = across | toward_eye(viewpoint, fast, voxel.coordinate);
-                        if voxel.opaque_neighbours & hiding == hiding {
-                            skipped += 1;
-                            return;
-                        }
-                    }
-                    receiver.voxel(position, voxel.value, Normal::Code(voxel.normal));
-                };
-                match order.along[fast] {
-                    AxisOrder::Ascending => {
-                        voxels.iter().enumerate().for_each(|(index, voxel)| show(index, voxel, trace));
-                    }
-                    AxisOrder::Descending => {
-                        voxels.iter().enumerate().rev().for_each(|(index, voxel)| show(index, voxel, trace));
-                    }
-                    AxisOrder::TwoSided { .. } => {
-                        line.clear();
-                        for (index, voxel) in voxels.iter().enumerate() {
-                            trace.read(voxel_array, 6 * (first + index), 2);
-                            line.push(voxel.coordinate);
-                        }
-                        order.along[fast].for_each_index(&line, |index| show(index, &voxels[index], trace));
+        for_each_line(order, [slow, medium], self.dims, |s, m| {
+            let row = s * rows.stride[slow] + m * rows.stride[medium];
+            trace.read(pointer_array, 4 * row, 8);
+            let first = rows.pointers[row] as usize;
+            let voxels = &rows.voxels[first..rows.pointers[row + 1] as usize];
+            if voxels.is_empty() {
+                return;
+            }
+            let (slow_at, medium_at) = (narrow(s), narrow(m));
+            let position = placed(placed([0; 3], slow, slow_at), medium, medium_at);
+            let across = if self.hides {
+                toward_eye(viewpoint, slow, slow_at) | toward_eye(viewpoint, medium, medium_at)
+            } else {
+                0
+            };
+            let mut show = |index: usize, voxel: &ShellVoxel, trace: &mut T| {
+                trace.read(voxel_array, 6 * (first + index), 6);
+                let position = placed(position, fast, voxel.coordinate);
+                if self.hides {
+                    let hiding = across | toward_eye(viewpoint, fast, voxel.coordinate);
+                    if voxel.opaque_neighbours & hiding == hiding {
+                        skipped += 1;
+                        return;
                     }
                 }
-            });
+                receiver.voxel(position, voxel.value, Normal::Code(voxel.normal));
+            };
+            match order.along[fast] {
+                AxisOrder::Ascending => {
+                    voxels.iter().enumerate().for_each(|(index, voxel)| show(index, voxel, trace));
+                }
+                AxisOrder::Descending => {
+                    voxels.iter().enumerate().rev().for_each(|(index, voxel)| show(index, voxel, trace));
+                }
+                AxisOrder::TwoSided { .. } => {
+                    line.clear();
+                    for (index, voxel) in voxels.iter().enumerate() {
+                        trace.read(voxel_array, 6 * (first + index), 2);
+                        line.push(voxel.coordinate);
+                    }
+                    order.along[fast].for_each_index(&line, |index| show(index, &voxels[index], trace));
+                }
+            }
         });
         self.skipped = skipped;
     }

@@ -137,10 +137,6 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 impl Walker for Sorted {
-    fn method(&self) -> &'static str {
-        "sorted"
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         vec![
             WalkerArray::of("voxels", &self.voxels),

@@ -11,7 +11,7 @@
 
 use super::allocate::{check, filled, product};
 use super::appearance::Appearance;
-use super::{Normal, Receiver, Viewing, Walker, coordinates, placed};
+use super::{Normal, Receiver, Viewing, Walker, coordinates, for_each_line, narrow, nesting, placed};
 use crate::Subject;
 use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::Result;
@@ -58,10 +58,6 @@ impl Traditional {
 }
 
 impl Walker for Traditional {
-    fn method(&self) -> &'static str {
-        "traditional"
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         vec![
             WalkerArray::of("values", &self.values),
@@ -74,24 +70,20 @@ impl Walker for Traditional {
         let order = &viewing.order;
         let [width, height, _] = self.dims.map(|points| points as usize);
         let stride = [1, width, width * height];
-        let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(|axis| axis.index());
-        let [slow_all, medium_all, fast_all] = [slow, medium, fast].map(|axis| coordinates(self.dims[axis]));
-        let mut position = [0; 3];
-        order.along[slow].for_each_index(&slow_all, |s| {
-            position[slow] = slow_all[s];
-            order.along[medium].for_each_index(&medium_all, |m| {
-                position[medium] = medium_all[m];
-                let line = s * stride[slow] + m * stride[medium];
-                order.along[fast].for_each_index(&fast_all, |f| {
-                    let index = line + f * stride[fast];
-                    trace.read(COLOURS, 4 * index + 3, 1);
-                    if self.colours[index][3] != 0 {
-                        trace.read(VALUES, index, 1);
-                        trace.read(GRADIENTS, 12 * index, 12);
-                        let position = placed(position, fast, fast_all[f]);
-                        receiver.voxel(position, self.values[index], Normal::Vector(self.gradients[index]));
-                    }
-                });
+        let [slow, medium, fast] = nesting(order);
+        let fast_all = coordinates(self.dims[fast]);
+        for_each_line(order, [slow, medium], self.dims, |s, m| {
+            let position = placed(placed([0; 3], slow, narrow(s)), medium, narrow(m));
+            let line = s * stride[slow] + m * stride[medium];
+            order.along[fast].for_each_index(&fast_all, |f| {
+                let index = line + f * stride[fast];
+                trace.read(COLOURS, 4 * index + 3, 1);
+                if self.colours[index][3] != 0 {
+                    trace.read(VALUES, index, 1);
+                    trace.read(GRADIENTS, 12 * index, 12);
+                    let position = placed(position, fast, fast_all[f]);
+                    receiver.voxel(position, self.values[index], Normal::Vector(self.gradients[index]));
+                }
             });
         });
     }

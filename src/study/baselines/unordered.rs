@@ -49,10 +49,6 @@ impl Unordered {
 }
 
 impl Walker for Unordered {
-    fn method(&self) -> &'static str {
-        "unordered"
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         vec![
             WalkerArray::of("positions", &self.positions),

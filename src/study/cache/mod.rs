@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! walker -> CacheModel: addresses -> levels and translation buffers     misses
-//!                                 -> Touched                            distinct bytes, lines, pages: the bound
+//!                                 -> NumberSet                          distinct bytes, lines, pages: the bound
 //! -> Reuse                              distances: curves, working set, kinds of misses
 //!        -> export                                                      a file of the same accesses
 //! ```
@@ -21,7 +21,6 @@ mod level;
 mod measure;
 mod model;
 mod reuse;
-mod touched;
 
 pub use export::{TraceWriter, replay};
 pub use geometry::{Associativity, Geometry};

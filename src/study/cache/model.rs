@@ -11,7 +11,7 @@
 use super::geometry::{Geometry, LARGE_PAGE_BYTES, PAGE_BYTES};
 use super::level::CacheLevel;
 use super::reuse::{Reuse, ReuseFigures};
-use super::touched::Touched;
+use crate::number_set::NumberSet;
 use crate::trace::{Trace, WalkerArray};
 
 /// A model of a memory hierarchy; as a trace, it receives the accesses of a walk.
@@ -23,10 +23,10 @@ pub struct CacheModel {
     translation: Vec<CacheLevel>,
     figures: CacheFigures,
     /// The bytes of the structure that were read or written, as model addresses.
-    used: Touched,
-    structure_lines: Touched,
-    pages: Touched,
-    large_pages: Touched,
+    used: NumberSet,
+    structure_lines: NumberSet,
+    pages: NumberSet,
+    large_pages: NumberSet,
     reuse: Option<Reuse>,
     /// The last line and page that were touched: they are in the first place of their set in the nearest level.
     line: u64,
@@ -127,10 +127,10 @@ impl CacheModel {
                 translation: vec![0; geometry.translation.len()],
                 ..CacheFigures::default()
             },
-            used: Touched::new(end),
-            structure_lines: Touched::new(end / geometry.line_bytes),
-            pages: Touched::new(end / PAGE_BYTES),
-            large_pages: Touched::new(end / LARGE_PAGE_BYTES),
+            used: NumberSet::new(end),
+            structure_lines: NumberSet::new(end / geometry.line_bytes),
+            pages: NumberSet::new(end / PAGE_BYTES),
+            large_pages: NumberSet::new(end / LARGE_PAGE_BYTES),
             reuse: reuse.then(|| Reuse::new(end / geometry.line_bytes)),
             line: u64::MAX,
             page: u64::MAX,

@@ -15,6 +15,12 @@ pub(super) struct SliceLine {
     pub(super) medium: u16,
 }
 
+impl SliceLine {
+    fn start(self) -> usize {
+        usize::try_from(self.first_record).expect("a sound line lies in memory")
+    }
+}
+
 /// The coordinates of voxels on the medium and fast axis, and the indices of their records.
 pub(super) struct TracedBatch {
     pub(super) medium: TracedVec<u16>,
@@ -65,6 +71,7 @@ impl TracedBatch {
         }
     }
 }
+
 /// Groups the lines that fit one batch, starting at line `first`. Returns the index after the last of them, and the
 /// base: the record that the batch's record indices are relative to.
 #[inline]
@@ -99,107 +106,89 @@ struct StepChunk {
     at_once: bool,
 }
 
-/// Calls `take` with the voxels of a line, sixteen records at a time.
-#[inline]
-fn step_chunks<S: LaneStore, T: Trace>(
-    store: &S,
-    line: SliceLine,
-    base: u64,
-    trace: &mut T,
-    mut take: impl FnMut(&StepChunk, &mut T),
-) {
-    let from = usize::try_from(line.first_record).expect("a sound line lies in memory");
-    let count = usize::from(line.count);
-    let mut previous = u16::MAX;
-    for done in (0..count).step_by(CHUNK) {
-        let steps = store.steps(from + done, trace);
-        let valid = CHUNK.min(count - done);
-        let mut chunk = StepChunk { voxels: [(0, 0); CHUNK], count: 0, at_once: false };
-        let first = line.first_record + done as u64 - base;
-        for (offset, &step) in (first..).zip(&steps[..valid]) {
-            previous = previous.wrapping_add(if step == 0 { 255 } else { u16::from(step) });
-            let offset = u32::try_from(offset).expect("lines of a group lie near its base");
-            chunk.voxels[chunk.count] = (previous, offset);
-            chunk.count += usize::from(step != 0);
+/// Decodes lines of one lane; indices of records in a batch count from record `base`.
+pub(super) struct LineDecoder<'s, S> {
+    pub(super) store: &'s S,
+    pub(super) base: u64,
+}
+
+impl<S: LaneStore> LineDecoder<'_, S> {
+    /// Calls `take` with the voxels of a line, sixteen records at a time.
+    #[inline]
+    fn step_chunks<T: Trace>(&self, line: SliceLine, trace: &mut T, mut take: impl FnMut(&StepChunk, &mut T)) {
+        let count = usize::from(line.count);
+        let mut previous = u16::MAX;
+        for done in (0..count).step_by(CHUNK) {
+            let steps = self.store.steps(line.start() + done, trace);
+            let valid = CHUNK.min(count - done);
+            let mut chunk = StepChunk { voxels: [(0, 0); CHUNK], count: 0, at_once: false };
+            let first = line.first_record + done as u64 - self.base;
+            for (offset, &step) in (first..).zip(&steps[..valid]) {
+                previous = previous.wrapping_add(if step == 0 { 255 } else { u16::from(step) });
+                let offset = u32::try_from(offset).expect("lines of a group lie near its base");
+                chunk.voxels[chunk.count] = (previous, offset);
+                chunk.count += usize::from(step != 0);
+            }
+            chunk.at_once = chunk.count == valid;
+            take(&chunk, trace);
         }
-        chunk.at_once = chunk.count == valid;
-        take(&chunk, trace);
     }
-}
 
-/// Writes a line's voxels in ascending order to `out` from index `at` on; returns the index after the last one.
-pub(super) fn decode_up<S: LaneStore, T: Trace>(
-    store: &S,
-    line: SliceLine,
-    base: u64,
-    out: &mut TracedBatch,
-    at: usize,
-    trace: &mut T,
-) -> usize {
-    let mut end = at;
-    step_chunks(store, line, base, trace, |chunk, trace| {
-        if chunk.at_once {
-            out.write_chunk(end, trace);
-        }
-        for &voxel in &chunk.voxels[..chunk.count] {
-            out.put(end, line.medium, voxel, chunk.at_once, trace);
-            end += 1;
-        }
-    });
-    end
-}
+    /// Writes a line's voxels in ascending order to `out` from index `at` on; returns the index after the last one.
+    pub(super) fn up<T: Trace>(&self, line: SliceLine, out: &mut TracedBatch, at: usize, trace: &mut T) -> usize {
+        let mut end = at;
+        self.step_chunks(line, trace, |chunk, trace| {
+            if chunk.at_once {
+                out.write_chunk(end, trace);
+            }
+            for &voxel in &chunk.voxels[..chunk.count] {
+                out.put(end, line.medium, voxel, chunk.at_once, trace);
+                end += 1;
+            }
+        });
+        end
+    }
 
-/// Writes a line's voxels in descending order to the places of `out` below `at`; returns the index of the first one.
-pub(super) fn decode_down<S: LaneStore, T: Trace>(
-    store: &S,
-    line: SliceLine,
-    base: u64,
-    out: &mut TracedBatch,
-    at: usize,
-    trace: &mut T,
-) -> usize {
-    let mut start = at;
-    step_chunks(store, line, base, trace, |chunk, trace| {
-        if chunk.at_once {
-            out.write_chunk(start - CHUNK, trace);
-        }
-        for &voxel in &chunk.voxels[..chunk.count] {
-            start -= 1;
-            out.put(start, line.medium, voxel, chunk.at_once, trace);
-        }
-    });
-    start
-}
+    /// Writes a line's voxels in descending order to the places of `out` below `at`; returns the index of the first
+    /// one.
+    pub(super) fn down<T: Trace>(&self, line: SliceLine, out: &mut TracedBatch, at: usize, trace: &mut T) -> usize {
+        let mut start = at;
+        self.step_chunks(line, trace, |chunk, trace| {
+            if chunk.at_once {
+                out.write_chunk(start - CHUNK, trace);
+            }
+            for &voxel in &chunk.voxels[..chunk.count] {
+                start -= 1;
+                out.put(start, line.medium, voxel, chunk.at_once, trace);
+            }
+        });
+        start
+    }
 
-/// Decodes a line whose voxels are on both sides of the eye, ascending, from index `at` of `out` on; returns the index
-/// after the last one, and whether the line has stepping records.
-///
-/// The walk first writes coordinates alone. Where it finds a stepping record it starts again and writes all three
-/// arrays.
-pub(super) fn decode_ascending<S: LaneStore, T: Trace>(
-    store: &S,
-    line: SliceLine,
-    base: u64,
-    out: &mut TracedBatch,
-    at: usize,
-    trace: &mut T,
-) -> (usize, bool) {
-    let from = usize::try_from(line.first_record).expect("a sound line lies in memory");
-    let count = usize::from(line.count);
-    let has_stepping = (0..count).step_by(CHUNK).any(|done| {
-        let steps = store.steps(from + done, trace);
-        let has_stepping = steps[..CHUNK.min(count - done)].contains(&0);
-        if !has_stepping {
-            out.fast.write(at + done, CHUNK, trace);
-        }
-        has_stepping
-    });
-    let end = if has_stepping {
-        decode_up(store, line, base, out, at, trace)
-    } else {
-        decode_up(store, line, base, out, at, &mut Untraced)
-    };
-    // The chunk that closes the line.
-    out.fast.write(end, CHUNK, trace);
-    (end, has_stepping)
+    /// Decodes a line whose voxels are on both sides of the eye, ascending, from index `at` of `out` on; returns the
+    /// index after the last one, and whether the line has stepping records.
+    ///
+    /// The walk first writes coordinates alone. Where it finds a stepping record it starts again and writes all three
+    /// arrays.
+    pub(super) fn ascending<T: Trace>(
+        &self,
+        line: SliceLine,
+        out: &mut TracedBatch,
+        at: usize,
+        trace: &mut T,
+    ) -> (usize, bool) {
+        let count = usize::from(line.count);
+        let has_stepping = (0..count).step_by(CHUNK).any(|done| {
+            let steps = self.store.steps(line.start() + done, trace);
+            let has_stepping = steps[..CHUNK.min(count - done)].contains(&0);
+            if !has_stepping {
+                out.fast.write(at + done, CHUNK, trace);
+            }
+            has_stepping
+        });
+        let end = if has_stepping { self.up(line, out, at, trace) } else { self.up(line, out, at, &mut Untraced) };
+        // The chunk that closes the line.
+        out.fast.write(end, CHUNK, trace);
+        (end, has_stepping)
+    }
 }

@@ -4,7 +4,7 @@ use super::CodesRead;
 use super::scratch_sizes::ScratchSizes;
 use super::store::{OF_A_LANE, OwnStore};
 use super::walk::{VisitedBlock, traced_walk};
-use crate::baselines::{Normal, Receiver, Viewing, Walker};
+use crate::baselines::{Receiver, Viewing, Walker};
 use crate::trace::{Trace, WalkerArray};
 use adjsplat::arena::Lane;
 use adjsplat::traverse::{Batch, Order};
@@ -30,8 +30,7 @@ impl<'a> OwnWalk<'a> {
             let channels = lane.channels;
             assert!(channels.value_bits == 8 && matches!(channels.normal_bits, 0 | 8) && lane.patch.is_none());
         }
-        let store = |lane: Lane<'a>| OwnStore { lane, arrays: OF_A_LANE * lane.axis.index() };
-        OwnWalk { lanes: lanes.map(store), codes }
+        OwnWalk { lanes: lanes.map(OwnStore), codes }
     }
 
     /// Walks in `order` and calls `visit` with each batch of voxels.
@@ -50,10 +49,6 @@ impl<'a> OwnWalk<'a> {
 }
 
 impl Walker for OwnWalk<'_> {
-    fn method(&self) -> &'static str {
-        "adjsplat"
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         let mut arrays: Vec<WalkerArray> = self.lanes.iter().flat_map(OwnStore::arrays).collect();
         arrays.extend(self.sizes().arrays());
@@ -64,10 +59,7 @@ impl Walker for OwnWalk<'_> {
         let order = &viewing.order;
         let store = self.lanes[order.fast.index()];
         traced_walk(&store, order, self.codes, self.sizes(), trace, &mut |visited: &VisitedBlock| {
-            for (index, position) in visited.positions(order) {
-                let (value, normal) = (visited.values[index], visited.normals[index]);
-                receiver.voxel(position, value, Normal::Code(normal));
-            }
+            visited.deliver(order, receiver);
         });
     }
 }

@@ -1,8 +1,7 @@
 //! Our lanes with their tiles stored in another order.
 
 use crate::subject::{Subject, VisibleVoxel};
-use adjsplat::arena::Record;
-use adjsplat::arena::{OwnedLane, TileOrder};
+use adjsplat::arena::{OwnedLane, Record, TileOrder};
 use adjsplat::internals::LanePacker;
 use adjsplat::volume::Axis;
 

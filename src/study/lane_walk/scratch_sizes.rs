@@ -50,6 +50,7 @@ impl ScratchSizes {
             edge: most(|lane| lane.edge().into()),
         }
     }
+
     /// Returns the most lines that a slice can have, rounded up to whole tiles.
     pub(super) fn lines(self) -> usize {
         self.points.next_multiple_of(self.edge.max(1))

@@ -1,10 +1,8 @@
 //! Where the bytes of a lane lie: answers what a walk asks of a lane, and traces the bytes that each answer reads.
 
-use crate::trace::{Trace, WalkerArray};
-use adjsplat::arena::Lane;
-use adjsplat::arena::TileRecord;
-use adjsplat::arena::layout::TILE_EDGE;
-use adjsplat::arena::layout::line_end_bytes;
+use crate::trace::{Trace, WalkerArray, along_axes};
+use adjsplat::arena::layout::{TILE_EDGE, line_end_bytes};
+use adjsplat::arena::{Lane, TileRecord};
 use adjsplat::volume::Axis;
 
 /// Number of steps (distances from a voxel to the next on its line) that are read at once.
@@ -70,12 +68,9 @@ pub(crate) trait LaneStore {
     fn normal<T: Trace>(&self, position: [u16; 3], record: usize, trace: &mut T) -> u16;
 }
 
-/// Our own lane, and the number by which a trace names its first array.
+/// Our own lane, as it is stored.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct OwnStore<'a> {
-    pub(super) lane: Lane<'a>,
-    pub(super) arrays: usize,
-}
+pub(crate) struct OwnStore<'a>(pub(crate) Lane<'a>);
 
 /// Numbers of a lane's arrays, relative to its first one; the last constant is their count.
 const TILES: usize = 0;
@@ -84,11 +79,7 @@ const STEPS: usize = 2;
 const VALUES: usize = 3;
 const NORMALS: usize = 4;
 pub(super) const OF_A_LANE: usize = 5;
-const NAMES: [[&str; OF_A_LANE]; 3] = [
-    ["tiles x", "line ends x", "steps x", "values x", "normals x"],
-    ["tiles y", "line ends y", "steps y", "values y", "normals y"],
-    ["tiles z", "line ends z", "steps z", "values z", "normals z"],
-];
+const NAMES: [[&str; OF_A_LANE]; 3] = along_axes!("tiles", "line ends", "steps", "values", "normals");
 
 /// Offset and number of bytes of each field of a tile record.
 const PLACE: (usize, usize) = (0, 4);
@@ -98,8 +89,8 @@ const WHOLE: (usize, usize) = (0, size_of::<TileRecord>());
 
 impl OwnStore<'_> {
     /// Returns the lane's arrays, in the order of their numbers.
-    pub(super) fn arrays(&self) -> [WalkerArray; OF_A_LANE] {
-        let lane = &self.lane;
+    pub(crate) fn arrays(&self) -> [WalkerArray; OF_A_LANE] {
+        let lane = &self.0;
         let sizes = [
             size_of_val(lane.tiles),
             lane.line_ends.as_bytes().len(),
@@ -111,33 +102,38 @@ impl OwnStore<'_> {
         std::array::from_fn(|i| WalkerArray { name: names[i], bytes: sizes[i] as u64, scratch: false })
     }
 
+    /// Returns the number by which a trace names an array of the lane.
+    fn array(&self, number: usize) -> usize {
+        OF_A_LANE * self.0.axis.index() + number
+    }
+
     fn end_bytes(&self) -> usize {
-        line_end_bytes(self.lane.dims[self.lane.axis.index()]).into()
+        line_end_bytes(self.0.dims[self.0.axis.index()]).into()
     }
 
     /// Returns tile number `index`, and traces a read of `bytes` at `offset` in its record.
     #[inline]
     fn tile<T: Trace>(&self, index: u32, (offset, bytes): (usize, usize), trace: &mut T) -> &TileRecord {
-        trace.read(self.arrays + TILES, index as usize * size_of::<TileRecord>() + offset, bytes);
-        &self.lane.tiles[index as usize]
+        trace.read(self.array(TILES), index as usize * size_of::<TileRecord>() + offset, bytes);
+        &self.0.tiles[index as usize]
     }
 
     #[inline]
     fn line_end<T: Trace>(&self, line: usize, trace: &mut T) -> Option<u64> {
-        let end = self.lane.line_end(line)?;
+        let end = self.0.line_end(line)?;
         let bytes = self.end_bytes();
-        trace.read(self.arrays + LINE_ENDS, line * bytes, bytes);
+        trace.read(self.array(LINE_ENDS), line * bytes, bytes);
         Some(end.into())
     }
 }
 
 impl LaneStore for OwnStore<'_> {
     fn axis(&self) -> Axis {
-        self.lane.axis
+        self.0.axis
     }
 
     fn dims(&self) -> [u32; 3] {
-        self.lane.dims
+        self.0.dims
     }
 
     fn edge(&self) -> u16 {
@@ -145,11 +141,11 @@ impl LaneStore for OwnStore<'_> {
     }
 
     fn record_count(&self) -> u64 {
-        self.lane.record_count()
+        self.0.record_count()
     }
 
     fn tile_count(&self) -> u32 {
-        u32::try_from(self.lane.tiles.len()).expect("a face has fewer than 2^32 tiles")
+        u32::try_from(self.0.tiles.len()).expect("a face has fewer than 2^32 tiles")
     }
 
     #[inline]
@@ -188,9 +184,9 @@ impl LaneStore for OwnStore<'_> {
 
     #[inline]
     fn steps<T: Trace>(&self, from: usize, trace: &mut T) -> [u8; CHUNK] {
-        let steps = &self.lane.steps[from..];
+        let steps = &self.0.steps[from..];
         let count = steps.len().min(CHUNK);
-        trace.read(self.arrays + STEPS, from, count);
+        trace.read(self.array(STEPS), from, count);
         let mut chunk = [1; CHUNK];
         chunk[..count].copy_from_slice(&steps[..count]);
         chunk
@@ -198,16 +194,16 @@ impl LaneStore for OwnStore<'_> {
 
     #[inline]
     fn value<T: Trace>(&self, _: [u16; 3], record: usize, trace: &mut T) -> u8 {
-        trace.read(self.arrays + VALUES, record, 1);
-        self.lane.values[record]
+        trace.read(self.array(VALUES), record, 1);
+        self.0.values[record]
     }
 
     #[inline]
     fn normal<T: Trace>(&self, _: [u16; 3], record: usize, trace: &mut T) -> u16 {
-        if self.lane.normals.is_empty() {
+        if self.0.normals.is_empty() {
             return 0;
         }
-        trace.read(self.arrays + NORMALS, 2 * record, 2);
-        u16::from_le_bytes([self.lane.normals[2 * record], self.lane.normals[2 * record + 1]])
+        trace.read(self.array(NORMALS), 2 * record, 2);
+        u16::from_le_bytes([self.0.normals[2 * record], self.0.normals[2 * record + 1]])
     }
 }

@@ -4,13 +4,14 @@
 use std::ops::Range;
 
 use super::CodesRead;
-use super::decode::{SliceLine, TracedBatch, decode_ascending, decode_down, decode_up, group};
+use super::decode::{LineDecoder, SliceLine, TracedBatch, group};
 use super::scratch_sizes::{
     BATCH, BATCH_ARRAYS, LINE_ARRAYS, LINES, LINES_AT_ONCE, MEDIUMS, SLICES, ScratchSizes, TWO_SIDED,
 };
 use super::sort::sorted_tiles;
 use super::store::{CHUNK, LaneStore, Mask, has_bit, rank};
 use super::traced_vec::TracedVec;
+use crate::baselines::{Normal, Receiver, nesting};
 use crate::trace::Trace;
 use adjsplat::internals::scatter::BLOCK;
 use adjsplat::traverse::{AxisOrder, Batch, Order, Sense, SplitForm};
@@ -27,12 +28,14 @@ pub(crate) struct VisitedBlock<'a> {
 }
 
 impl VisitedBlock<'_> {
-    /// Iterates over the voxels: each one's index in the block, and its coordinates x, y and z.
+    /// Delivers the block's voxels to `receiver`.
     #[inline]
-    pub(crate) fn positions(&self, order: &Order) -> impl Iterator<Item = (usize, [u16; 3])> {
-        let axes = [order.slow.index(), order.medium.index(), order.fast.index()];
-        let batch = self.batch;
-        self.block.clone().enumerate().map(move |(index, voxel)| (index, position(axes, batch, voxel)))
+    pub(crate) fn deliver<R: Receiver>(&self, order: &Order, receiver: &mut R) {
+        let axes = nesting(order);
+        for (index, voxel) in self.block.clone().enumerate() {
+            let position = position(axes, self.batch, voxel);
+            receiver.voxel(position, self.values[index], Normal::Code(self.normals[index]));
+        }
     }
 }
 
@@ -250,12 +253,12 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         visit: &mut dyn FnMut(&VisitedBlock),
     ) {
         let list = if is_two_sided { &self.two_sided } else { &self.lines };
-        let (store, trace) = (self.store, &mut *self.trace);
+        let (decoder, trace) = (LineDecoder { store: self.store, base }, &mut *self.trace);
         let range = match self.order.along[self.order.fast.index()] {
             AxisOrder::Ascending => {
                 let mut end = CHUNK;
                 for item in lines {
-                    end = decode_up(store, list.get(item, trace), base, &mut self.batch, end, trace);
+                    end = decoder.up(list.get(item, trace), &mut self.batch, end, trace);
                 }
                 CHUNK..end
             }
@@ -263,12 +266,12 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
                 let top = CHUNK + self.capacity;
                 let mut start = top;
                 for item in lines.rev() {
-                    start = decode_down(store, list.get(item, trace), base, &mut self.batch, start, trace);
+                    start = decoder.down(list.get(item, trace), &mut self.batch, start, trace);
                 }
                 start..top
             }
             AxisOrder::TwoSided { eye, form, sense } => {
-                self.decode_sides(lines, is_two_sided, base, (eye, form, sense))
+                self.decode_sides(lines, is_two_sided, &decoder, (eye, form, sense))
             }
         };
         self.hand_over(range, base, slow, visit);
@@ -280,7 +283,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         &mut self,
         lines: Range<usize>,
         is_two_sided: bool,
-        base: u64,
+        decoder: &LineDecoder<S>,
         (eye, form, sense): (f64, SplitForm, Sense),
     ) -> Range<usize> {
         let list = if is_two_sided { &self.two_sided } else { &self.lines };
@@ -296,8 +299,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
             for (index, &item) in group.iter().enumerate() {
                 let line = list.get(item, self.trace);
                 let first = index * self.line_room + CHUNK;
-                let (store, ascending) = (self.store, &mut self.ascending);
-                let (end, has_stepping) = decode_ascending(store, line, base, ascending, first, self.trace);
+                let (end, has_stepping) = decoder.ascending(line, &mut self.ascending, first, self.trace);
                 decoded.push((line, first..end, has_stepping));
             }
             if is_down {
@@ -362,7 +364,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         let TracedBatch { medium, fast, record } = &self.batch;
         let items = (&medium.items()[range.clone()], &fast.items()[range.clone()], &record.items()[range.clone()]);
         let batch = Batch { slow, medium: items.0, fast: items.1, record: items.2, base };
-        let axes = [self.order.slow.index(), self.order.medium.index(), self.order.fast.index()];
+        let axes = nesting(&self.order);
         let (mut values, mut normals) = ([0; BLOCK], [0; BLOCK]);
         for from in (0..batch.len()).step_by(BLOCK) {
             let block = from..batch.len().min(from + BLOCK);

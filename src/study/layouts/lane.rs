@@ -6,7 +6,7 @@ use super::LaneLayout;
 use super::records::{PayloadBricks, Records};
 use crate::lane_walk::store::Mask;
 use crate::subject::{Subject, VisibleVoxel};
-use crate::trace::WalkerArray;
+use crate::trace::{WalkerArray, along_axes};
 use adjsplat::internals::STEPPING;
 use adjsplat::volume::Axis;
 
@@ -33,11 +33,7 @@ pub(super) const OF_A_LANE: usize = 5;
 pub(super) const BASES: usize = 3 * OF_A_LANE;
 pub(super) const BRICK_VALUES: usize = BASES + 1;
 pub(super) const SCRATCH: usize = BASES + 3;
-pub(super) const NAMES: [[&str; OF_A_LANE]; 3] = [
-    ["tiles x", "lines x", "steps x", "values x", "normals x"],
-    ["tiles y", "lines y", "steps y", "values y", "normals y"],
-    ["tiles z", "lines z", "steps z", "values z", "normals z"],
-];
+pub(super) const NAMES: [[&str; OF_A_LANE]; 3] = along_axes!("tiles", "lines", "steps", "values", "normals");
 
 /// Numbers of the channels in a voxel's record.
 pub(super) const VALUE_OR_SLOT: usize = 1;

@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 use self::lane::{LayoutLane, NAMES, OF_A_LANE, SCRATCH};
 use self::records::PayloadBricks;
-use crate::baselines::{Normal, Receiver, Viewing, Walker};
+use crate::baselines::{Receiver, Viewing, Walker};
 use crate::lane_walk::{CodesRead, ScratchSizes, VisitedBlock, traced_walk};
 use crate::subject::Subject;
 use crate::trace::{Trace, WalkerArray};
@@ -154,10 +154,6 @@ impl LayoutWalk {
 }
 
 impl Walker for LayoutWalk {
-    fn method(&self) -> &'static str {
-        "layout"
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         let none = |name| WalkerArray { name, bytes: 0, scratch: false };
         let mut arrays: Vec<WalkerArray> = NAMES.into_iter().flatten().map(none).collect();
@@ -180,10 +176,7 @@ impl Walker for LayoutWalk {
         let order = self.layout.nested(&viewing.order);
         let lane = &self.lanes[order.fast.index()];
         traced_walk(lane, &order, self.codes, self.sizes(), trace, &mut |visited: &VisitedBlock| {
-            for (index, position) in visited.positions(&order) {
-                let (value, normal) = (visited.values[index], visited.normals[index]);
-                receiver.voxel(position, value, Normal::Code(normal));
-            }
+            visited.deliver(&order, receiver);
         });
     }
 }

@@ -85,10 +85,6 @@ impl ReportCell {
             ReportCell::None => String::new(),
         }
     }
-
-    fn is_text(&self) -> bool {
-        matches!(self, ReportCell::Text(_))
-    }
 }
 
 /// Formats a count with commas between thousands: 1234567 as 1,234,567.
@@ -143,20 +139,6 @@ impl Report {
         self.rows.push(row);
     }
 
-    /// Returns the rows, in order.
-    pub fn rows(&self) -> &[Vec<ReportCell>] {
-        &self.rows
-    }
-
-    /// Returns the cells of column `name`, in order.
-    ///
-    /// # Panics
-    /// If there is no such column.
-    pub fn column(&self, name: &str) -> impl Iterator<Item = &ReportCell> {
-        let index = self.columns.iter().position(|column| *column == name).expect("a column of this report");
-        self.rows.iter().map(move |row| &row[index])
-    }
-
     /// Formats a table with aligned columns; `shown` names the columns to show, or is empty to show all.
     pub fn table(&self, shown: &[&str]) -> String {
         let indices: Vec<usize> =
@@ -165,7 +147,8 @@ impl Report {
         lines.extend(self.rows.iter().map(|row| indices.iter().map(|&i| row[i].shown()).collect()));
         let widths: Vec<usize> =
             (0..indices.len()).map(|i| lines.iter().map(|line| line[i].chars().count()).max().unwrap_or(0)).collect();
-        let left: Vec<bool> = indices.iter().map(|&i| self.rows.iter().any(|row| row[i].is_text())).collect();
+        let is_text = |&i: &usize| self.rows.iter().any(|row| matches!(row[i], ReportCell::Text(_)));
+        let left: Vec<bool> = indices.iter().map(is_text).collect();
         let mut out = String::new();
         for line in &lines {
             let cells: Vec<String> = (0..indices.len())

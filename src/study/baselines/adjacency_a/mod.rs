@@ -20,8 +20,9 @@ mod walk;
 
 use zerocopy::little_endian::U32;
 
-use super::allocate::{filled, product, push};
+use super::allocate::{counted, filled, product, push};
 use super::appearance::Appearance;
+use super::placed;
 use crate::Subject;
 use crate::subject::VisibleVoxel;
 use adjsplat::error::{Error, Result};
@@ -192,14 +193,14 @@ impl AdjacencyA {
                 continue;
             }
             for end in [0, self.last[axis]] {
-                let cap = with(place, axis, end);
+                let cap = placed(place, axis, end);
                 if !self.holds(cap) {
                     self.link(cap)?;
                 }
             }
             let [below, above] = self.neighbours(place, axis);
-            *self.neighbour(with(place, axis, below), axis, true) = place[axis];
-            *self.neighbour(with(place, axis, above), axis, false) = place[axis];
+            *self.neighbour(placed(place, axis, below), axis, true) = place[axis];
+            *self.neighbour(placed(place, axis, above), axis, false) = place[axis];
             *self.neighbour(place, axis, false) = below;
             *self.neighbour(place, axis, true) = above;
         }
@@ -211,14 +212,9 @@ impl AdjacencyA {
         let [x, y, z] = self.last;
         let record = RecordA { colour: [0; 4], gradient: [0.0; 3], neighbours: [0, x, 0, y, 0, z] };
         let index = if self.freed == NONE {
-            let index = u32::try_from(self.records.len()).ok().filter(|&index| index != NONE);
-            let index = index.ok_or_else(|| Error::Limit {
-                what: "voxels of adjacency A".into(),
-                need: self.records.len() as u64 + 1,
-                have: NONE.into(),
-            })?;
+            let count = counted("voxels of adjacency A", self.records.len() as u64 + 1)?;
             push("adjacency A's records", &mut self.records, record)?;
-            index
+            count - 1
         } else {
             let index = self.freed;
             let slot = &mut self.records[index as usize];
@@ -241,19 +237,16 @@ impl AdjacencyA {
             let [below, above] = [false, true].map(|up| *self.neighbour(place, axis, up));
             if below == 0 && above == self.last[axis] {
                 for end in [below, above] {
-                    let cap = with(place, axis, end);
+                    let cap = placed(place, axis, end);
                     // Corners stay. A cap of two lines is already gone if the other line became empty first.
                     if self.holds(cap) && !(0..3).all(|axis| self.is_cap(cap, axis)) {
                         self.unlink(cap);
                     }
                 }
-                if self.holds(with(place, axis, below)) {
-                    *self.neighbour(with(place, axis, below), axis, true) = above;
-                    *self.neighbour(with(place, axis, above), axis, false) = below;
-                }
-            } else {
-                *self.neighbour(with(place, axis, below), axis, true) = above;
-                *self.neighbour(with(place, axis, above), axis, false) = below;
+            }
+            if self.holds(placed(place, axis, below)) {
+                *self.neighbour(placed(place, axis, below), axis, true) = above;
+                *self.neighbour(placed(place, axis, above), axis, false) = below;
             }
         }
         let cell = self.cell(place);
@@ -269,12 +262,12 @@ impl AdjacencyA {
     fn neighbours(&mut self, place: CellPosition, axis: usize) -> [u16; 2] {
         let (mut below, mut above) = (0, self.last[axis]);
         loop {
-            let next = *self.neighbour(with(place, axis, below), axis, true);
+            let next = *self.neighbour(placed(place, axis, below), axis, true);
             if next > place[axis] {
                 return [below, next];
             }
             below = next;
-            let next = *self.neighbour(with(place, axis, above), axis, false);
+            let next = *self.neighbour(placed(place, axis, above), axis, false);
             if next < place[axis] {
                 return [next, above];
             }
@@ -295,10 +288,4 @@ pub(super) fn last_places(dims: [u32; 3]) -> Result<[u16; 3]> {
         last[axis.index()] = u16::try_from(points + 1).expect("bounded above");
     }
     Ok(last)
-}
-
-/// Returns `place` with its coordinate on `axis` replaced.
-fn with(mut place: CellPosition, axis: usize, coordinate: u16) -> CellPosition {
-    place[axis] = coordinate;
-    place
 }

@@ -2,7 +2,7 @@
 
 use super::AdjacencyA;
 use crate::baselines::follow::{Chain, follow, needs_both_ends, starts_high};
-use crate::baselines::{Normal, Receiver, Viewing, Walker, placed};
+use crate::baselines::{Normal, Receiver, Viewing, Walker, nesting, placed};
 use crate::trace::{Trace, WalkerArray};
 
 const CELLS: usize = 0;
@@ -75,17 +75,13 @@ impl<R: Receiver, T: Trace> Chain<WalkA<'_, R, T>> for CellLine {
 }
 
 impl Walker for AdjacencyA {
-    fn method(&self) -> &'static str {
-        "adjacency_a"
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         vec![WalkerArray::of("cells", &self.cells), WalkerArray::of("records", &self.records)]
     }
 
     fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T) {
         let order = &viewing.order;
-        let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(|axis| axis.index());
+        let [slow, medium, fast] = nesting(order);
         let [slow_order, medium_order, fast_order] = [slow, medium, fast].map(|axis| order.along[axis]);
         let [width, height, _] = self.last.map(|last| usize::from(last) + 1);
         let stride = [1, width, width * height];

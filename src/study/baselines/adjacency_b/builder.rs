@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use zerocopy::little_endian::{F32, U16, U32};
 
 use super::{NONE, RecordB};
-use crate::baselines::allocate::push;
+use crate::baselines::allocate::{counted, push};
 use crate::baselines::appearance::Appearance;
 use crate::subject::VisibleVoxel;
 use adjsplat::error::{Error, Result};
@@ -45,12 +45,7 @@ impl BuilderB {
     /// Adds a new voxel to its three lines, with the missing caps of the lines; returns the number of the voxel's
     /// record.
     fn link(&mut self, place: [u16; 3]) -> Result<u32> {
-        let index = u32::try_from(self.records.len()).ok().filter(|&index| index != NONE);
-        let index = index.ok_or_else(|| Error::Limit {
-            what: "voxels of adjacency B".into(),
-            need: self.records.len() as u64 + 1,
-            have: NONE.into(),
-        })?;
+        let index = counted("voxels of adjacency B", self.records.len() as u64 + 1)? - 1;
         let record = RecordB {
             intensity: 0,
             colour: [0; 4],

@@ -70,7 +70,6 @@ pub struct AdjacencyB {
     /// The records of the box's corners; bit a of the index is set for the high end of axis a.
     corners: [u32; 8],
     visible: u64,
-    storage: Storage,
     build_bytes: u64,
 }
 
@@ -93,7 +92,7 @@ impl AdjacencyB {
         records.shrink_to_fit();
         let corners = [0, 1, 2, 3, 4, 5, 6, 7];
         let visible = subject.voxels.len() as u64;
-        let mut structure = AdjacencyB { last, records, corners, visible, storage, build_bytes };
+        let mut structure = AdjacencyB { last, records, corners, visible, build_bytes };
         if let Storage::Shuffled(seed) = storage {
             structure.shuffle(seed)?;
         }

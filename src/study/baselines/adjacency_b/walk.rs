@@ -4,9 +4,9 @@ use std::mem::offset_of;
 
 use zerocopy::little_endian::F32;
 
-use super::{AdjacencyB, RECORD, RecordB, Storage};
+use super::{AdjacencyB, RECORD, RecordB};
 use crate::baselines::follow::{Chain, follow, needs_both_ends, starts_high};
-use crate::baselines::{Normal, Receiver, Viewing, Walker, placed};
+use crate::baselines::{Normal, Receiver, Viewing, Walker, nesting, placed};
 use crate::trace::{Trace, WalkerArray};
 
 const RECORDS: usize = 0;
@@ -69,20 +69,13 @@ impl<const COUNT: usize, R: Receiver, T: Trace> Chain<WalkB<'_, R, T>> for Paral
 }
 
 impl Walker for AdjacencyB {
-    fn method(&self) -> &'static str {
-        match self.storage {
-            Storage::AsBuilt => "adjacency_b",
-            Storage::Shuffled(_) => "adjacency_b_shuffled",
-        }
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         vec![WalkerArray::of("records", &self.records)]
     }
 
     fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T) {
         let order = &viewing.order;
-        let axes = [order.slow, order.medium, order.fast].map(|axis| axis.index());
+        let axes = nesting(order);
         let [slow, medium, fast] = axes;
         let [slow_order, medium_order, fast_order] = axes.map(|axis| order.along[axis]);
         let [medium_both, fast_both] = [medium_order, fast_order].map(needs_both_ends);

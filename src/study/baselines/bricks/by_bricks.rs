@@ -24,11 +24,8 @@ struct BrickCoordinates {
 
 impl BrickCoordinates {
     fn new(sequence: Vec<u16>) -> BrickCoordinates {
-        let up = match (sequence.is_sorted(), sequence.is_sorted_by(|a, b| a > b)) {
-            (true, _) => Some(true),
-            (false, true) => Some(false),
-            (false, false) => None,
-        };
+        let descends = sequence.is_sorted_by(|a, b| a > b);
+        let up = if sequence.is_sorted() { Some(true) } else { descends.then_some(false) };
         BrickCoordinates { sequence, up }
     }
 }

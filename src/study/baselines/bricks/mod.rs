@@ -27,11 +27,11 @@ use self::by_bricks::by_bricks;
 use self::by_slices::{BrickScratch, by_slices};
 use self::nesting::AxisNesting;
 use self::walk::BrickWalk;
-use super::allocate::{filled, product, reserved};
+use super::allocate::{counted, filled, product, reserved};
 use super::{Receiver, Viewing, Walker};
 use crate::Subject;
 use crate::trace::{Trace, WalkerArray};
-use adjsplat::error::{Error, Result};
+use adjsplat::error::Result;
 
 const TABLE: usize = 0;
 
@@ -69,12 +69,10 @@ impl Bricks {
     /// Builds the bricks of `subject`.
     ///
     /// # Errors
-    /// [`Error::Limit`] if there are 2^32 voxels or memory cannot be had.
+    /// [`Error::Limit`](adjsplat::Error::Limit) if there are 2^32 voxels or memory cannot be had.
     pub fn new(subject: &Subject, order: BrickOrder) -> Result<Bricks> {
         let count = subject.voxels.len() as u64;
-        if count >= NONE.into() {
-            return Err(Error::Limit { what: "voxels of bricks".into(), need: count, have: NONE.into() });
-        }
+        counted("voxels of bricks", count)?;
         let dims = subject.dims();
         let counts = dims.map(|points| (points as usize).div_ceil(EDGE));
         let mut table = filled("the table of bricks", product(counts.map(|count| count as u64)), NONE)?;
@@ -138,13 +136,6 @@ impl Bricks {
 }
 
 impl Walker for Bricks {
-    fn method(&self) -> &'static str {
-        match self.order {
-            BrickOrder::Slices => "bricks",
-            BrickOrder::Bricks => "bricks_brickwise",
-        }
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         vec![
             WalkerArray::of("table", &self.table),

@@ -1,6 +1,7 @@
 //! The nesting of an order (which axis is which loop), and slices cut out of a brick.
 
 use super::EDGE;
+use crate::baselines::nesting;
 use crate::trace::Trace;
 use adjsplat::traverse::Order;
 
@@ -16,7 +17,7 @@ pub(super) struct AxisNesting {
 
 impl AxisNesting {
     pub(super) fn of(order: &Order) -> AxisNesting {
-        let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(|axis| axis.index());
+        let [slow, medium, fast] = nesting(order);
         AxisNesting { slow, medium, fast }
     }
 

@@ -23,7 +23,7 @@ mod sums;
 mod walk;
 
 use self::sums::CubeSums;
-use super::allocate::{push, reserved};
+use super::allocate::{counted, push, reserved};
 use super::appearance::Appearance;
 use crate::Subject;
 use crate::subject::VisibleVoxel;
@@ -74,9 +74,7 @@ impl Octree {
     /// cannot be had; any error of [`Subject::looks`].
     pub fn new(subject: &Subject, threshold: f32) -> Result<Octree> {
         let count = subject.voxels.len() as u64;
-        if count > u32::MAX.into() {
-            return Err(Error::Limit { what: "voxels of an octree".into(), need: count, have: u32::MAX.into() });
-        }
+        counted("voxels of an octree", count)?;
         let mut ordered = reserved("voxels in Morton order", count)?;
         ordered.extend(subject.voxels.iter().map(|&voxel| (morton(voxel.position), voxel)));
         ordered.sort_unstable_by_key(|&(code, _)| code);
@@ -142,11 +140,7 @@ impl Octree {
             for (_, sums) in &level {
                 push("the octree's looks", &mut self.looks, sums.look(self.levels))?;
             }
-            first_finer = u32::try_from(first).map_err(|_| Error::Limit {
-                what: "branches of an octree".into(),
-                need: first as u64,
-                have: u32::MAX.into(),
-            })?;
+            first_finer = counted("branches of an octree", first as u64)?;
             finer = level;
             if finer[0].0 == 0 && finer.len() == 1 {
                 return Ok(());

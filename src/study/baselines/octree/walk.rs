@@ -92,10 +92,6 @@ fn narrow_place(place: [u32; 3]) -> [u16; 3] {
 }
 
 impl Walker for Octree {
-    fn method(&self) -> &'static str {
-        "octree"
-    }
-
     fn arrays(&self) -> Vec<WalkerArray> {
         vec![
             WalkerArray::of("branches", &self.branches),
