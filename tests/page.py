@@ -386,6 +386,16 @@ def check_server(files, folder):
     assert "the name of two files" in refused(files[0], twin, "--page", PAGE)
     assert "build the page" in refused(files[0], "--page", folder)
     assert "absent.adj" in refused(os.path.join(folder, "absent.adj"), "--page", PAGE)
+    volume = os.path.join(folder, "volume.nrrd")
+    with open(volume, "wb") as file:
+        file.write(ball_nrrd())
+    served = Serving(volume)
+    served.end()
+    assert served.links[0].endswith("files/volume.nrrd"), "a volume of one file"
+    bricks = os.path.join(folder, "bricks.adjs")
+    adj("split", files[0], "-o", bricks, "--slab", "64", "--quiet")
+    assert "adj join" in refused(bricks, "--page", PAGE)
+    assert "is a folder" in refused(folder, "--page", PAGE)
     with open("/dev/full", "w") as full:
         ran = subprocess.run(
             [PROGRAM, "serve", files[0], "--page", PAGE], stdout=full, stderr=subprocess.PIPE, text=True
@@ -918,6 +928,14 @@ def check_dropped(browser, files, folder):
         address = "files/" + urllib.parse.quote(os.path.basename(files[0]))
         viewer.page.evaluate(drop, [address, "cut.adj", 100_000])
         assert viewer.told().startswith("cut.adj: at byte 16: R4"), viewer.told()
+        # Of two files dropped together, the one that opens does not hide what is wrong with the other.
+        first = "files.items.add(new File([content.slice(0, 90_000)], 'first.adj')); files.items.add("
+        both = drop.replace("files.items.add(", first)
+        viewer.page.evaluate(both, [address, "second.adj", os.path.getsize(files[0])])
+        wait("the second file", lambda: viewer.state()["file"] == "second.adj")
+        assert viewer.told().startswith("first.adj: at byte 16: R4"), viewer.told()
+        viewer.page.keyboard.press("Alt+w")
+        wait("no file", lambda: viewer.state()["file"] is None)
         viewer.page.evaluate(drop, [address, "dropped.adj", os.path.getsize(files[0])])
         wait("the file", lambda: viewer.state()["file"] == "dropped.adj")
         near = decibels(viewer.picture(), of_program(files[0], viewer, folder))
