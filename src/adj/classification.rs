@@ -160,7 +160,7 @@ impl ClassificationArguments {
 pub(super) fn flag_of(suggestion: &Suggestion) -> String {
     match suggestion {
         Suggestion::Preset(name) => format!("--tf {name}"),
-        Suggestion::From(low) => format!("--range {low}.."),
+        Suggestion::From(low) => format!("--range {}..", written(*low)),
         Suggestion::StatedLabels(_) => format!("--labels {OWN_PALETTE}"),
         _ => "--labels distinct".to_owned(),
     }
@@ -169,7 +169,13 @@ pub(super) fn flag_of(suggestion: &Suggestion) -> String {
 /// Returns the flag that shows what a phantom shows without one.
 pub(super) fn flag_of_phantom(phantom: &Phantom) -> String {
     let (low, high) = phantom.visible_range();
-    format!("--range {low}..{high}")
+    format!("--range {}..{}", written(low), written(high))
+}
+
+/// Returns a number with an exponent where it would have too many digits.
+fn written(number: f64) -> String {
+    let text = format!("{number:?}");
+    text.strip_suffix(".0").map_or_else(|| text.clone(), str::to_owned)
 }
 
 /// Reads the transfer function in the file `name`, or else returns the preset of this name.

@@ -38,9 +38,8 @@ pub fn run(files: Vec<PathBuf>) -> Result<()> {
         let fault = fault.rsplit_once(".rs:").map_or(&*fault, |(_, cause)| {
             cause.trim_start_matches(|c: char| c.is_ascii_digit() || c == ':' || c == ' ')
         });
-        Error::device(format!(
-            "cannot open a window: {fault}; draw pictures with adj render, or show files with adj serve"
-        ))
+        let why = format!("cannot be opened: {fault}; draw pictures with adj render, or show files with adj serve");
+        Error::input("window", why)
     })
 }
 
