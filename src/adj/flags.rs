@@ -2,6 +2,8 @@
 //!
 //! In: an error of the libraries, which do not know flags. Out: one line that names the flag to change.
 
+use std::path::Path;
+
 use adjsplat::error::Error;
 
 /// Names of values in library errors that are also the names of their flags.
@@ -55,7 +57,10 @@ pub(super) fn one_line(error: &Error) -> String {
     match error {
         Error::Input { what, why } => match FLAGS.iter().find(|(name, _)| name == what) {
             Some((_, flag)) => format!("{flag}: {why}"),
-            None if SAME_NAME.split(' ').any(|name| name == what) => format!("--{what}: {why}"),
+            // A file may be called like a value.
+            None if SAME_NAME.split(' ').any(|name| name == what) && !Path::new(what).exists() => {
+                format!("--{what}: {why}")
+            }
             None => error.with_causes(),
         },
         _ => error.with_causes(),
@@ -70,7 +75,6 @@ pub(super) fn with_flags(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::path::Path;
 
     /// Returns all source files of a library in one text.
     fn sources(folder: &Path) -> String {

@@ -148,3 +148,13 @@ fn a_result_that_could_not_be_written_is_told() {
         assert_eq!(Ran::new(&ran).stderr, "adj: cannot write the result: No space left on device (os error 28)\n");
     }
 }
+
+#[test]
+fn a_path_that_is_called_like_a_flag_is_no_flag() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.file("crop")).expect("a new folder");
+    let said = folder.adj("render crop -o x.png").refused(&["is a folder without files"]);
+    assert!(said.starts_with("adj: crop: "), "{said}");
+    folder.small_arena("a.adj");
+    folder.adj("render a.adj -o x.png --threads 0").refused(&["--threads"]);
+}
