@@ -9,6 +9,7 @@ use crate::document::Document;
 use crate::editor::ui::{Change, choose, editor, field, number};
 use crate::look::{Clip, SIDES};
 use crate::navigate::Manner;
+use crate::theme;
 
 /// What the user asked for that the panel itself cannot do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -101,7 +102,11 @@ fn view(ui: &mut Ui, document: &mut Document, manner: &mut Manner, size: [u32; 2
         ("Maximum, grey", Mode::MaximumGrey),
         ("X-ray", Mode::Additive),
     ];
-    choose(ui, "mode", &mut look.mode, &modes);
+    let mut mode = look.mode;
+    if choose(ui, "mode", &mut mode, &modes) {
+        look.background = theme::background_in(mode, look.mode, look.background, ui.visuals().dark_mode);
+        look.mode = mode;
+    }
     let axes = [("x", Axis::X), ("y", Axis::Y), ("z", Axis::Z)];
     let ups: Vec<(String, Up)> = axes
         .iter()

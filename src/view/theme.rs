@@ -1,5 +1,6 @@
 //! Colours and distances of the interface, dark and light.
 
+use adjsplat::splat::Mode;
 use egui::{Color32, Context, CornerRadius, Stroke, TextStyle, Theme, Visuals, vec2};
 
 /// Sets the look of the interface.
@@ -44,6 +45,13 @@ pub fn background(is_dark: bool) -> [u8; 3] {
     if is_dark { [18, 20, 24] } else { [255, 255, 255] }
 }
 
+/// Returns the colour behind a volume when it is drawn in another mode than `before`: black behind sums and maxima, as
+/// `adj render` has it, unless `shown` is a colour that was chosen.
+pub fn background_in(mode: Mode, before: Mode, shown: [u8; 3], is_dark: bool) -> [u8; 3] {
+    let of_mode = |mode| if mode == Mode::Composite { background(is_dark) } else { [0; 3] };
+    if shown == of_mode(before) { of_mode(mode) } else { shown }
+}
+
 fn dark() -> Visuals {
     let mut visuals = Visuals::dark();
     visuals.window_fill = Color32::from_rgb(30, 33, 39);
@@ -74,4 +82,18 @@ fn rounded(mut visuals: Visuals) -> Visuals {
         widget.corner_radius = CornerRadius::same(4);
     }
     visuals
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_grey_maximum_is_not_white_on_white() {
+        let in_mode = |mode, before, shown| background_in(mode, before, shown, false);
+        assert_eq!(in_mode(Mode::MaximumGrey, Mode::Composite, background(false)), [0; 3]);
+        assert_eq!(in_mode(Mode::Additive, Mode::MaximumGrey, [0; 3]), [0; 3]);
+        assert_eq!(in_mode(Mode::Composite, Mode::MaximumGrey, [0; 3]), background(false));
+        assert_eq!(in_mode(Mode::Maximum, Mode::Composite, [9, 8, 7]), [9, 8, 7], "a chosen colour stays");
+    }
 }
