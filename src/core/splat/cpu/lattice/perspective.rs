@@ -23,8 +23,9 @@ const LONGEST: f64 = 1.25;
 /// Tangent of half of 75 degrees, and some rounding: above it an angle of view is wide. If it is along the picture's longer side,
 /// [`MOST_UNEVEN`] holds; along its height, [`WIDEST`] also of voxels that are wide in the middle.
 const WIDE_ANGLE: f64 = 0.768;
-/// Least width of a footprint, in pixels, for which that holds: that of the low-pass on sixteen samples a pixel's side.
-const LEAST_FOOTPRINT: f64 = 0.0375;
+/// Width of a footprint, in pixels, up to which a voxel is tiny, and these limits do not hold: that of the low-pass on sixteen samples
+/// a pixel's side.
+const TINY_FOOTPRINT: f64 = 0.0375;
 // Pairs are for `Sampling::Enough` and `Sampling::Fewest`.
 /// The most that [`unevenness`] may be at any corner of the box, in kernels. Measured: docs/studies/sampling.md.
 const MOST_UNEVEN: [f64; 2] = [0.015, 0.036];
@@ -98,12 +99,12 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
         [1, 2].map(|side: usize| [0, 1].map(|k| along(side, k) / (at[0] * step[side - 1])))
     };
     let low_pass = LowPass::new(moves([0.5 * columns, 0.5 * rows]), subject.width)?;
-    // Of voxels that are smaller still, no other way of sampling has enough samples.
+    // If even the nearest voxels are tiny, no other way of sampling has enough samples.
     let nearest_corner = corners.iter().map(|corner| corner.z).fold(f64::INFINITY, f64::min);
     let longest_step = steps.map(DVec3::length).into_iter().fold(0.0, f64::max);
-    let has_others = f64::from(kernel.sigma) * longest_step * focal > LEAST_FOOTPRINT * nearest_corner;
-    let is_wide_angle = has_others && 0.5 * f64::from(view.size[1]) / focal > WIDE_ANGLE;
-    if has_others && tangent > WIDE_ANGLE {
+    let are_tiny = f64::from(kernel.sigma) * longest_step * focal <= TINY_FOOTPRINT * nearest_corner;
+    let is_wide_angle = !are_tiny && 0.5 * f64::from(view.size[1]) / focal > WIDE_ANGLE;
+    if !are_tiny && tangent > WIDE_ANGLE {
         // An x-ray is not steep at outlines, as opaque matter is.
         let most = if subject.is_sum { MOST_UNEVEN[1] } else { subject.of_sampling(MOST_UNEVEN) };
         let voxel_steps = DMat3::from_cols(column(0), column(1), column(2));
