@@ -291,7 +291,7 @@ impl<'a> Table<'a> {
         match self.mode {
             Mode::Composite => [r, g, b, 1.0 - alpha],
             Mode::Additive => [shown(r), shown(g), shown(b), shown(alpha)],
-            // The largest sample so far, and the sums of the last ones: see cpu/maximum.rs.
+            // The largest sample so far, and the sums of the last ones: see cpu/scatter/maximum.rs.
             Mode::MaximumGrey => [r.max(g).max(b.max(alpha)); 4],
             Mode::Maximum => {
                 let largest = r.max(g).max(b.max(alpha));

@@ -15,7 +15,7 @@ use crate::volume::Grid;
 
 /// The share of the picture's width or height that a framed view fills at zoom 1; of the other it fills less.
 pub const FILL: f64 = 0.9;
-/// Least distance of the eye in perspective, as a share of [`Outline::radius`].
+/// Least distance of the eye in perspective, and least height of a parallel picture, as a share of [`Outline::radius`].
 const LEAST_SCALE: f64 = 0.01;
 
 /// Most frames of a turn that are measured; the others lie between two of them, less than a degree apart.

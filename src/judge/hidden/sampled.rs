@@ -1,7 +1,7 @@
 //! Finds hidden voxels by sampling: voxels that none of many views shows.
 //!
 //! In: views. Out: the voxels that any view shows with at least a threshold of transmittance in front of them, as
-//! records (stored voxels) of the lane along x. The renderer itself marks them (`cpu/visible.rs`), in its own order and
+//! records (stored voxels) of the lane along x. The renderer itself marks them (`cpu/scatter/visible.rs`), in its own order and
 //! with its own footprints. A view uses one of the three lanes; its marks are carried over to the lane along x.
 
 use super::carry::carry;

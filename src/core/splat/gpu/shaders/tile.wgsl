@@ -9,7 +9,7 @@
 // termination threshold.
 //
 // A pixel of a maximum holds its largest finished sample, then the sums of the samples half a slice before, at and after
-// its slice (cpu/maximum.rs). A chunk leaves all pixels at its own last slice.
+// its slice (cpu/scatter/maximum.rs). A chunk leaves all pixels at its own last slice.
 
 @group(0) @binding(0) var<uniform> frame: FrameUniform;
 @group(0) @binding(1) var<uniform> chunk: Chunk;
