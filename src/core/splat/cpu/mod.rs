@@ -185,8 +185,13 @@ impl Plane {
     ///
     /// `deepest` is the largest optical depth of any voxel, along a ray as long as the mean spacing.
     fn choose(view: &View, order: &Order, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Option<Plane> {
-        let lattice = Lattice::new(view, order, bounds, deepest, settings).map(|plane| Plane::Lattice(Box::new(plane)));
-        lattice.or_else(|| Supersampling::new(view, bounds, settings).map(Plane::Supersampling))
+        let supersampling = Supersampling::new(view, bounds, settings);
+        let lattice = Lattice::new(view, order, bounds, deepest, settings)
+            .filter(|lattice| lattice.is_worthwhile(view, bounds, supersampling.as_ref()));
+        match lattice {
+            Some(lattice) => Some(Plane::Lattice(Box::new(lattice))),
+            None => supersampling.map(Plane::Supersampling),
+        }
     }
 }
 

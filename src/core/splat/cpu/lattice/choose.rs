@@ -6,14 +6,17 @@ use super::resolution::Resolution;
 use super::{Lattice, LowPass, Rays, parallel, perspective};
 use crate::splat::block_kernel::SHAPES;
 use crate::splat::kernel::KernelShape;
-use crate::splat::supersample::sigma_at_centre;
+use crate::splat::supersample::{Supersampling, sigma_at_centre};
 use crate::splat::view::{PixelMap, View};
 use crate::splat::{Blending, Mode, Sampling, Settings};
 use crate::traverse::{Order, Sense, VoxelBox};
 
-/// A plane is worthwhile if it has at most so many pixels for each pixel of the picture.
-pub(super) const MAX_PIXELS: f64 = 6.5;
-/// If pixels are averaged, it is also worthwhile if at most so many are kept for the warp. They take 36 to 68 MiB.
+/// A plane is faster if it has at most so many pixels for each sample that would be drawn otherwise. Measured:
+/// docs/studies/sampling.md.
+const MOST_PER_SAMPLE: f64 = 4.0;
+/// A plane may be large if it has at most so many pixels for each pixel of the picture, or if at most so many are kept for the warp:
+/// they take 36 to 68 MiB.
+const MOST_PER_PIXEL: f64 = 6.5;
 const FEW_PIXELS: f64 = 2_097_152.0;
 /// Least distance between voxels, in pixels of the picture, at which a perspective x-ray is drawn on a plane: nothing
 /// hides a voxel there, and smaller footprints are drawn faster on the picture's own pixels.
@@ -63,7 +66,7 @@ impl Lattice {
     /// along a ray as long as the mean spacing.
     ///
     /// `None` if `settings` ask for other samples, another mode or another direction, if `order` is not the view's own,
-    /// if the eye is among or near the slices, if the plane is seen too obliquely, or if it would have to be too large.
+    /// if the eye is among or near the slices, or if the plane is seen too obliquely.
     pub(in super::super) fn new(
         view: &View,
         order: &Order,
@@ -104,20 +107,41 @@ impl Lattice {
         if subject.is_sum && subject.resolution.sharpness > 1.0 {
             return None;
         }
-        let plane = match &view.map {
-            PixelMap::Parallel { .. } => parallel::plane(&subject)?,
+        match &view.map {
+            PixelMap::Parallel { .. } => parallel::plane(&subject),
             PixelMap::Perspective { .. } => {
                 if subject.is_sum && width < LEAST_SUMMED_STEP * f64::from(kernel.sigma) {
                     return None;
                 }
-                perspective::plane(&subject)?
+                perspective::plane(&subject)
             }
-        };
-        let pixels = |size: [u32; 2]| f64::from(size[0]) * f64::from(size[1]);
-        let is_small = match plane.low_pass.is_averaged() {
-            true => pixels(plane.kept()) <= FEW_PIXELS,
-            false => pixels(plane.size) <= 65_536.0,
-        };
-        (is_small || pixels(plane.size) <= MAX_PIXELS * pixels(view.size)).then_some(plane)
+        }
+    }
+
+    /// Returns whether this plane's pixels are drawn rather than those of `supersampling`, or one sample for each pixel of the
+    /// picture. `bounds`: of the voxels.
+    pub(in super::super) fn is_worthwhile(
+        &self,
+        view: &View,
+        bounds: &VoxelBox,
+        supersampling: Option<&Supersampling>,
+    ) -> bool {
+        let pixels = |[columns, rows]: [u32; 2]| f64::from(columns) * f64::from(rows);
+        let (plane, picture) = (pixels(self.size), pixels(view.size));
+        if pixels(self.kept()) > FEW_PIXELS && plane > MOST_PER_PIXEL * picture {
+            return false;
+        }
+        // Pixels are averaged where many voxels are as small as samples.
+        if self.low_pass.is_averaged() {
+            return true;
+        }
+        // Like the plane, samples are drawn only where voxels may be.
+        let shown = view.pixel_bounds(bounds, [0.0; 2]).map_or(0.0, |[left, right, top, bottom]| {
+            let within =
+                |low: f64, high: f64, side: usize| (high.min(f64::from(view.size[side])) - low.max(0.0)).max(0.0);
+            within(left, right, 0) * within(top, bottom, 1)
+        });
+        let samples = supersampling.map_or(1.0, |supersampling| supersampling.samples() as f64 / picture);
+        plane <= MOST_PER_SAMPLE * samples * shown
     }
 }

@@ -4,7 +4,7 @@
 
 use glam::DVec3;
 
-use super::choose::{MAX_PIXELS, Subject};
+use super::choose::Subject;
 use super::low_pass::LowPass;
 use super::resolution::{RaysBeside, SMALL_STEP};
 use super::{Lattice, Rays};
@@ -42,9 +42,6 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     let per_voxel = voxels.map(|voxels| 4.0 / voxels);
     let moves = [0, 1].map(|side: usize| inverse[side].map(|moves| per_voxel[side] * moves));
     let low_pass = LowPass::new(moves, subject.width)?;
-    if !low_pass.is_averaged() && per_voxel[0] * per_voxel[1] / area.abs() > MAX_PIXELS {
-        return None;
-    }
     let [columns, rows] = view.size.map(f64::from);
     let corners = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
         .map(|[across, down]: [f64; 2]| [across - 0.5 - x[3], down - 0.5 - y[3]]);
