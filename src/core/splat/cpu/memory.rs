@@ -7,7 +7,7 @@ use crate::arena::visible::MAX_DEPTH;
 use crate::error::Result;
 use crate::splat::setup::walk_order;
 use crate::splat::{Blending, Camera, Settings, View};
-use crate::traverse::VoxelBox;
+use crate::traverse::{Order, VoxelBox};
 use crate::volume::Grid;
 
 /// The most columns and rows of pixels by which tiles and their row pitch enlarge a band (`tile_buffer.rs`).
@@ -33,6 +33,10 @@ const LISTS_COLUMN: u64 = (552 + 16 * 8) / 4;
 /// doubling.
 const SLAB: u64 = 2 << 20;
 const SLAB_POINT: u64 = 50 + 3 * 16;
+
+/// Number of optical depths, beside 0, for which a canvas is asked for. The memory of any other depth is at most 1.1 % more, in 960 views
+/// of four boxes; with 16 depths, 63 %.
+const DEPTHS: u32 = 256;
 
 /// The most samples on which parts of several levels are composited.
 pub const MIXED_SAMPLES: u64 = 1 << 19;
@@ -63,17 +67,21 @@ pub enum Canvas {
 pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settings) -> Result<Canvas> {
     let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
     let order = walk_order(&view, grid, settings)?;
-    // The depths are not known: opaque voxels may have a finer lattice than others, or none.
-    let canvases = [0.0, MAX_DEPTH].map(|deepest| match Plane::choose(&view, &order, bounds, deepest, settings) {
+    // The depths are not known. The deeper voxels are, the finer is their lattice, until it is no longer worthwhile.
+    let depths = (0..=DEPTHS).map(|index| MAX_DEPTH * (f64::from(index) / f64::from(DEPTHS)).powi(3));
+    let canvases = depths.map(|deepest| canvas_of_depth(&view, &order, bounds, deepest, settings));
+    Ok(canvases.max_by_key(|canvas| memory_need(grid.dims, 0, *canvas, settings)).unwrap_or(Canvas::Picture))
+}
+
+/// Returns where a view of voxels is drawn whose largest optical depth is `deepest`.
+fn canvas_of_depth(view: &View, order: &Order, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Canvas {
+    match Plane::choose(view, order, bounds, deepest, settings) {
         Some(Plane::Lattice(lattice)) => {
             Canvas::Lattice { size: lattice.size, kept: lattice.kept(), copied: lattice.copied() }
         }
         Some(Plane::Supersampling(supersampling)) => Canvas::Finer(supersampling.strip_size()),
         None => Canvas::Picture,
-    });
-    let [faint, opaque] = canvases;
-    let need = |canvas: Canvas| memory_need(grid.dims, 0, canvas, settings);
-    Ok(if need(faint) > need(opaque) { faint } else { opaque })
+    }
 }
 
 /// Returns an upper bound of the bytes that [`render`](super::render) allocates in addition to the lanes.
@@ -113,4 +121,42 @@ fn band_bytes([columns, rows]: [u64; 2], threads: u64) -> u64 {
     let by_rows = (columns + PADDING[0]) * (rows + threads * PADDING[1]);
     let by_columns = (columns + threads * PADDING[0]) * (rows + PADDING[1]);
     PIXEL.saturating_mul(by_rows.max(by_columns))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::splat::Surround;
+
+    #[test]
+    fn half_opaque_voxels_take_no_more_memory_than_was_asked_for() {
+        let mut is_lattice = false;
+        for dims in [[256, 256, 128], [100, 300, 60], [64; 3]] {
+            let grid = Grid::new(dims, [1.0; 3]).unwrap();
+            let bounds = VoxelBox { low: [0; 3], high: dims.map(|points| points as u16 - 1) };
+            for (fov, [azimuth, elevation], zoom, size) in [
+                (None, [70.0, -60.0], 2.0, [512, 512]),
+                (Some(20.0), [45.0, 5.0], 1.0, [512, 512]),
+                (Some(45.0), [10.0, 2.0], 1.0, [256, 256]),
+                (Some(75.0), [30.0, 20.0], 2.0, [512, 512]),
+                (Some(75.0), [45.0, 5.0], 2.0, [1024, 768]),
+            ] {
+                let orbit = Camera::orbit(azimuth, elevation).with_zoom(zoom);
+                let orbit = fov.map_or(orbit, |fov| orbit.with_perspective(fov));
+                let settings = Settings::new(size).with_threads(2);
+                let camera = Camera::orbiting(orbit, Surround::of_grid(&grid), size).unwrap();
+                let need = |canvas: Canvas| memory_need(grid.dims, 0, canvas, &settings);
+                let asked = need(canvas(&grid, &bounds, &camera, &settings).unwrap());
+                let view = View::new(&camera, &grid, size, settings.kernel(), settings.near).unwrap();
+                let order = walk_order(&view, &grid, &settings).unwrap();
+                for index in 0..1_000 {
+                    let drawn = canvas_of_depth(&view, &order, &bounds, f64::from(index) * 0.016, &settings);
+                    is_lattice |= matches!(drawn, Canvas::Lattice { .. });
+                    // What is asked for has a share for the process that is larger than a fiftieth.
+                    assert!(need(drawn) <= asked + asked / 50, "{dims:?} {fov:?} {zoom} {size:?} {index}");
+                }
+            }
+        }
+        assert!(is_lattice);
+    }
 }
