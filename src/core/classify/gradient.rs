@@ -124,7 +124,7 @@ fn slope(before: f64, here: f64, after: f64, inverse: f64) -> f64 {
 /// The same for what is missing, and for a slope that is no finite number, which it limits.
 #[cold]
 fn one_sided(before: f64, here: f64, after: f64, inverse: f64) -> f64 {
-    let differences = [(after / 2.0 - before / 2.0), after - here, here - before];
+    let differences = [after / 2.0 - before / 2.0, after - here, here - before];
     let difference = differences.into_iter().find(|difference| difference.is_finite()).unwrap_or(0.0);
     (difference * inverse).clamp(f64::MIN, f64::MAX)
 }

@@ -240,6 +240,11 @@ impl Sampling {
             Sampling::Fewest => "fewest",
         }
     }
+
+    /// Returns one of two numbers: that of [`Sampling::Enough`] and all others, then that of [`Sampling::Fewest`].
+    pub(crate) fn pick(self, [enough, fewest]: [f64; 2]) -> f64 {
+        if self == Sampling::Fewest { fewest } else { enough }
+    }
 }
 
 impl Settings {

@@ -43,11 +43,6 @@ pub(super) struct Subject<'a> {
 }
 
 impl Subject<'_> {
-    /// Returns which of two values is the sampling's: that of [`Sampling::Enough`], then that of [`Sampling::Fewest`].
-    pub(super) fn of_sampling(&self, [enough, fewest]: [f64; 2]) -> f64 {
-        if self.sampling == Sampling::Fewest { fewest } else { enough }
-    }
-
     /// Returns a lattice of this size, with the homography from the picture's pixels to the plane's.
     pub(super) fn lattice(
         &self,
@@ -101,7 +96,7 @@ impl Lattice {
             width,
             is_sum: settings.mode == Mode::Additive,
             sampling,
-            resolution: Resolution::new(view, settings, sigmas, width, deepest, slices),
+            resolution: Resolution::new(view, settings, sigmas, width, [deepest, slices]),
         };
         // An overexposed x-ray shows where sums begin, far out on the kernels.
         if subject.is_sum && subject.resolution.sharpness > 1.0 {

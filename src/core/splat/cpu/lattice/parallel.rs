@@ -87,7 +87,7 @@ fn voxels_per_tile(subject: &Subject, rays: &RaysBeside, steps: [f64; 2]) -> [f6
         true => rays.slopes.iter().any(is_whole),
         false => rays.slopes.iter().all(is_whole) && steps[0].max(steps[1]) > SMALL_STEP,
     };
-    let most = if is_in_phase { subject.of_sampling(MOST_IN_PHASE) } else { MOST_VOXELS };
+    let most = if is_in_phase { subject.sampling.pick(MOST_IN_PHASE) } else { MOST_VOXELS };
     let voxels = [0, 1].map(|side: usize| {
         let voxels = 4.0 / subject.resolution.per_voxel(side, rays, steps[side], false);
         let voxels = match (is_beside, is_in_phase) {

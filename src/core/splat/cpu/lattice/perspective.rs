@@ -106,7 +106,7 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     let is_wide_angle = !are_tiny && 0.5 * f64::from(view.size[1]) / focal > WIDE_ANGLE;
     if !are_tiny && tangent > WIDE_ANGLE {
         // An x-ray is not steep at outlines, as opaque matter is.
-        let most = if subject.is_sum { MOST_UNEVEN[1] } else { subject.of_sampling(MOST_UNEVEN) };
+        let most = if subject.is_sum { MOST_UNEVEN[1] } else { subject.sampling.pick(MOST_UNEVEN) };
         let voxel_steps = DMat3::from_cols(column(0), column(1), column(2));
         if corners.iter().any(|toward| f64::from(kernel.sigma) * unevenness(*toward, voxel_steps) > most) {
             return None;
@@ -164,10 +164,10 @@ fn is_filtered(subject: &Subject, low_pass: &LowPass, moves: [[f64; 2]; 2], is_w
     let is_mixed = low_pass.is_wide[0] != low_pass.is_wide[1];
     [0, 1].into_iter().all(|side: usize| {
         let moved = moves[side][0].hypot(moves[side][1]) / f64::from(1u32 << low_pass.halvings[side]);
-        let most = if is_mixed && !low_pass.is_wide[side] { MOST_ASIDE } else { subject.of_sampling(WIDEST) };
+        let most = if is_mixed && !low_pass.is_wide[side] { MOST_ASIDE } else { subject.sampling.pick(WIDEST) };
         // Toward the edges of a wide angle, even voxels that are wide in the middle are as narrow as the low-pass.
         let deviation = if is_wide_angle { f64::from(LOW_PASS) } else { low_pass.deviation };
-        let least = subject.of_sampling(NARROWEST);
+        let least = subject.sampling.pick(NARROWEST);
         let is_drawn = !low_pass.is_wide[side] || low_pass.deviation * moved >= least;
         deviation * moved <= most && is_drawn
     })

@@ -57,31 +57,30 @@ pub(super) struct Resolution {
 }
 
 impl Resolution {
-    /// `width`: the standard deviation of the narrowest footprint, in pixels of the picture; `deepest`: the largest optical depth of
-    /// a voxel; `slices`: the number of slices.
+    /// `sigmas`: of the widest kernels, in voxels; `width`: the standard deviation of the narrowest footprint, in pixels of the picture;
+    /// `outlines`: the largest optical depth of a voxel, and the number of slices.
     pub(super) fn new(
         view: &View,
         settings: &Settings,
         sigmas: [f64; 2],
         width: f64,
-        deepest: f64,
-        slices: f64,
+        outlines: [f64; 2],
     ) -> Resolution {
-        let is_fewest = usize::from(settings.sampling() == Sampling::Fewest);
+        let sampling = settings.sampling();
         // The edge of what is opaque rises faster than its footprint; a picture of small voxels shows no such edges.
-        let peak = deepest / (std::f64::consts::TAU * sigmas[0] * sigmas[1]);
+        let peak = outlines[0] / (std::f64::consts::TAU * sigmas[0] * sigmas[1]);
         let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
-        let is_fine = sharpness > SHARP && width < f64::from(LOW_PASS) && is_fewest == 0;
+        let is_fine = sharpness > SHARP && width < f64::from(LOW_PASS) && sampling == Sampling::Enough;
         let is_beside = view.margin > 0.0;
         Resolution {
             sigmas,
-            per_sigma: WIDE_VOXELS[is_fewest],
+            per_sigma: sampling.pick(WIDE_VOXELS),
             least_per_sigma: if is_beside { SMALL_VOXELS_BESIDE } else { SMALL_VOXELS },
             sharpness,
             per_pixel: if is_fine { PER_FILTERED_PIXEL } else { PER_PIXEL },
-            per_pixel_edge_on: PER_PIXEL_EDGE_ON[is_fewest],
+            per_pixel_edge_on: sampling.pick(PER_PIXEL_EDGE_ON),
             // Sums have no outlines, and those of levels are only as exact as their blocks.
-            outlines: (settings.mode == Mode::Composite && !is_beside).then_some([deepest, slices]),
+            outlines: (settings.mode == Mode::Composite && !is_beside).then_some(outlines),
         }
     }
 
