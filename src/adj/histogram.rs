@@ -31,7 +31,7 @@ pub(super) fn chart(histogram: &Histogram) -> String {
     }
     let [low, high] = [histogram.lowest, histogram.highest].map(short);
     let room = columns.saturating_sub(low.chars().count());
-    text + &format!("  {low}{high:>room$}")
+    text + &if low == high { format!("  {low}") } else { format!("  {low}{high:>room$}") }
 }
 
 /// Returns a few thresholds, as texts of a few digits, and the share (0 to 1) of the voxels that each would show.

@@ -71,8 +71,11 @@ impl Suggestion {
     pub fn of(histogram: &Histogram) -> Result<Suggestion> {
         let Histogram { lowest, highest, .. } = *histogram;
         if lowest >= highest {
+            // With an exponent where there would be many digits.
+            let value = format!("{lowest:?}");
+            let value = value.trim_end_matches(".0");
             let why = match lowest == highest {
-                true => format!("are all {lowest}, so nothing can be told apart; try the range {lowest}.."),
+                true => format!("are all {value}, so nothing can be told apart; try the range {value}.."),
                 false => "are all NaN or infinite, so no voxel can be visible".into(),
             };
             return Err(Error::input("samples", why));
