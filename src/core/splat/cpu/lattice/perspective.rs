@@ -63,9 +63,10 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
         let at = |n: usize| to_end[n][corner >> n & 1];
         at(0) + at(1) + at(2) + column(3)
     });
-    // The lattice is finer in near slices and coarser in far ones. Where these show all detail, it is fine enough there.
-    // Toward the edges of a wide angle, the picture is stretched.
+    // The lattice is finer in near slices and coarser in far ones. Where these show all detail, it is fine enough in the middle of the
+    // farther half (docs/studies/sampling.md). Toward the edges of a wide angle, the picture is stretched.
     let middle = 0.5 * (nearest + farthest);
+    let far = 0.5 * (middle + farthest);
     let tangent = 0.5 * f64::from(view.size[0].max(view.size[1])) / focal;
     let to_centre: DVec3 = to_end.as_flattened().iter().sum::<DVec3>() * 0.5 + column(3);
     let distance = to_centre.length();
@@ -79,7 +80,7 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
         let largest_step = focal / distance * column(nested[n]).length() * (1.0 + tangent * tangent);
         let per_voxel = |step: f64, is_far| subject.resolution.per_voxel(n - 1, &rays, step, is_far);
         let finest = per_voxel(largest_step, false) * middle;
-        1.0 / finest.max(per_voxel(largest_step * middle / farthest, true) * farthest)
+        1.0 / finest.max(per_voxel(largest_step * middle / far, true) * far)
     });
     let step = step.map(|side| side.min(LONGEST * step[0].min(step[1])));
     // From a pixel's ray, in camera coordinates, to voxels along the slow (away from the eye), fast and medium axis.
