@@ -357,7 +357,7 @@ def check(program, name, volume, flags, folder):
 
 def main():
     program = str(Path(sys.argv[1]).resolve())
-    data = sys.argv[2] if len(sys.argv) > 2 else str(ROOT.parent / "shared/data")
+    data = sys.argv[2] if len(sys.argv) > 2 else os.environ.get("ADJ_DATA_FOLDER", str(ROOT.parent / "shared/data"))
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
         for name, volume, flags in synthetic(folder):

@@ -33,6 +33,7 @@ PATIENCE = 120  # seconds
 CANCEL = (46, 72)  # the place of the button that stops opening
 WEBGPU = ["--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader"]
 NEAR = 45  # decibels
+REAL_VOLUMES = os.environ.get("ADJ_DATA_FOLDER", os.path.join(os.path.dirname(__file__), "../../shared/data"))
 
 
 def adj(*words):
@@ -616,7 +617,7 @@ def check_levels(browser, folder):
         viewer.close()
 
         # A real head; a device in software takes minutes to draw its voxels.
-        volume = os.path.join(os.path.dirname(__file__), "../../shared/data/SAG-anon")
+        volume = os.path.join(REAL_VOLUMES, "SAG-anon")
         if os.path.isdir(volume):
             adj("build", volume, "--range", "100..", "-o", head, *flags)
             viewer, _ = begun(head)
@@ -802,7 +803,7 @@ def check_folders(browser, folder):
     nrrd = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 32 16 32\nendian: little\nencoding: raw\n\n"
     open(path("twins", "ball.nrrd"), "wb").write(nrrd.encode() + half.tobytes())
     volumes = ["slices", "ball.zarr"]
-    head = os.path.join(os.path.dirname(__file__), "../../shared/data/SAG-anon")
+    head = os.path.join(REAL_VOLUMES, "SAG-anon")
     if os.path.isdir(head):
         os.makedirs(path("head"))
         # A device in software takes minutes to draw all of it.

@@ -41,7 +41,7 @@ def file(volume, tmp_path):
 @pytest.fixture(scope="session")
 def real_data():
     """The folder of public volumes beside the repository; ADJ_DATA=require makes its absence a failure."""
-    folder = REPOSITORY.parent / "shared" / "data"
+    folder = pathlib.Path(os.environ.get("ADJ_DATA_FOLDER", REPOSITORY.parent / "shared" / "data"))
     if not folder.is_dir():
         if os.environ.get("ADJ_DATA") == "require":
             pytest.fail(f"{folder} is absent")

@@ -7,14 +7,13 @@ use std::path::Path;
 use adjsplat::error::Error;
 
 /// Names of values in library errors that are also the names of their flags.
-const SAME_NAME: &str = "azimuth blending crop elevation exposure fill form kernel lanes level line series sharpness spacing \
+const SAME_NAME: &str = "azimuth blending cap crop elevation exposure fill form kernel lanes level line series sharpness spacing \
                          termination threads volume zoom";
 
 /// Names of values in library errors, each with its flag, which is called something else.
-const FLAGS: [(&str, &str); 7] = [
+const FLAGS: [(&str, &str); 6] = [
     ("angle of view", "--perspective"),
     ("largest error", "--max-error"),
-    ("cap", "--cap"),
     ("normal bits", "--normals"),
     ("picture size", "--size"),
     ("sample type", "--type"),

@@ -92,7 +92,7 @@ impl Rung {
     }
 }
 
-/// The rung that coarser levels of detail are tried with: that of standard quality.
+/// The rung that coarser levels of detail are tried with: that with the sampling and termination of standard quality.
 const RUNG_OF_LEVELS: usize = 2;
 
 /// Chooses the fastest of [`RUNGS`] whose error is within `bound`. If there is one camera, the error is that of its

@@ -1,6 +1,6 @@
 //! `adj trim`: what is left, what is said of it, and what is refused; nothing half-written, whatever goes wrong.
 //!
-//! Cannot catch: a voxel too many or too few in a file that is sound (`tests/edits/trim.rs` does).
+//! Cannot catch: a voxel too many or too few in a file that is sound (`tests/core/edits/trim.rs` does).
 
 use adjsplat::arena::layout::SectionKind;
 use adjsplat::arena::{Arena, Levels, TrimOptions, trim};

@@ -1,4 +1,4 @@
-//! Real volumes: dimensions, spacing, and the digest that independent readers agreed on (shared/data/MANIFEST.md).
+//! Real volumes: dimensions, spacing, and the digest that independent readers agreed on.
 
 use adjsplat::volume::{Header, SampleType};
 use adjsplat_readers::OpenOptions;

@@ -86,7 +86,7 @@ impl Arena<'_> {
             level.check_voxels().map_err(|fault| fault.moved(at))?;
             if coverage_sum(&rows_of(&level), level.fingerprint()) != coarser_sum(&below, level.fingerprint()) {
                 let expected = format!("voxels and coverages of level {number} as level {} gives them", number - 1);
-                return Err(fault(at, "R26", expected, "another: make the levels again with adj trim --levels"));
+                return Err(fault(at, "R26", expected, "another: make the levels again with adj trim"));
             }
             below = level;
         }

@@ -31,9 +31,9 @@ use crate::volume::{Axis, Grid};
 pub const MAGIC: [u8; 8] = *b"\x89ADJ\r\n\x1a\n";
 /// Major version of the format. Readers refuse any other, because the bytes would have another meaning.
 pub const MAJOR: u16 = 1;
-/// Minor version of files that hold what version 1.0 does not know; others have 0. A higher minor version only adds what
-/// readers may leave alone.
-pub const MINOR: u16 = 1;
+/// Minor version of files with levels of detail or coverages, but neither coherences nor limits of levels; files with none of these have 0.
+/// A higher minor version only adds what readers may leave alone.
+pub const LEVELS_MINOR: u16 = 1;
 /// Minor version of files whose voxels have coverages and normals with a coherence.
 pub const COHERENT_MINOR: u16 = 2;
 /// Minor version of files that say where their levels may be drawn.
@@ -45,7 +45,7 @@ pub const ALIGNMENT: u64 = 256;
 pub const TILE_EDGE: u16 = 8;
 /// Lowest number of an optional section kind: readers may skip sections of unknown kinds from this number on.
 pub const OPTIONAL_KINDS: u16 = 0x8000;
-/// Longest scan line, in grid points, whose end is stored in two bytes: 64 such lines have at most 65,535 records.
+/// Longest scan line, in grid points, whose end is stored in two bytes: 64 such lines have at most 65,472 records.
 pub const NARROW_LINE: u32 = 1_023;
 /// Largest number of sections in a file; three complete lanes with all levels need 38.
 pub const MAX_SECTIONS: u32 = 1_024;
@@ -58,7 +58,7 @@ pub struct FileHeader {
     pub magic: [u8; 8],
     /// Always [`MAJOR`]. R2.
     pub major: U16,
-    /// 0, [`MINOR`], [`COHERENT_MINOR`], [`LIMITED_MINOR`] or a higher minor version. R2.
+    /// 0, [`LEVELS_MINOR`], [`COHERENT_MINOR`], [`LIMITED_MINOR`] or a higher minor version. R2.
     pub minor: U16,
     /// Number of entries in the section table, at most [`MAX_SECTIONS`]. R5.
     pub section_count: U32,

@@ -373,10 +373,10 @@ pub(super) fn header_with_checksum(facts: &Facts, table: &[SectionEntry], end: u
     let has = |kind: SectionKind| table.iter().any(|entry| entry.known_kind() == Some(kind));
     header.minor = U16::new(match (has(SectionKind::Coverage), has(SectionKind::LevelLimits)) {
         // In a higher version the normals of coverages would have a coherence.
-        (true, _) if !facts.channels.coherence => layout::MINOR,
+        (true, _) if !facts.channels.coherence => layout::LEVELS_MINOR,
         (_, true) => layout::LIMITED_MINOR,
         (true, _) => layout::COHERENT_MINOR,
-        _ if table.iter().any(|entry| entry.level().is_some()) => layout::MINOR,
+        _ if table.iter().any(|entry| entry.level().is_some()) => layout::LEVELS_MINOR,
         _ => 0,
     });
     header.section_count = U32::new(u32::try_from(table.len()).expect("at most 1,024 sections"));

@@ -1,4 +1,4 @@
-//! Real volumes: the counts and gaps that independent readers found (shared/data/MANIFEST.md).
+//! Real volumes: the counts and gaps that independent readers found.
 
 use adjsplat::arena::Lane;
 use adjsplat::classify::TransferFunction;
@@ -12,7 +12,7 @@ use super::twin::compare;
 
 /// A real volume's samples as they are stored; `None` where they are not on this machine.
 pub(crate) fn real(file: &str) -> Option<Box<dyn SlabSource>> {
-    // MANIFEST.md counts stored numbers; the MR head has a slope.
+    // Counts are of stored numbers; the MR head has a slope.
     let unscaled = |header: &mut Header| (header.slope, header.intercept) = (1.0, 0.0);
     Some(Box::new(AdjustedSource::new(volume(&real_volume(file)?), unscaled)))
 }
