@@ -19,6 +19,7 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::time::Instant;
 
+use super::SLACK;
 use super::lists::Lists;
 use super::look_tables::LookTables;
 use super::scan_line::{OneWay, ends, same};
@@ -36,9 +37,6 @@ use crate::splat::cpu::task::{BandStats, DrawTask};
 use crate::splat::cpu::tile_buffer::{Rect, TILE, TileBuffer};
 use crate::splat::cpu::voxel_block::{GROUP, VoxelBlock};
 use crate::traverse::{Batch, Visitor, VoxelBox};
-
-/// Slack of rounded bounds, in voxels or pixels of the plane.
-const SLACK: f64 = 1e-3;
 
 /// Draws the rows of tiles from `first` to before `end`; `shown` tells which tiles of the plane the picture may show. The band then
 /// has their pixels.

@@ -24,6 +24,9 @@ use crate::error::Result;
 use crate::parallel::on_each;
 use crate::splat::{Code, Frame};
 
+/// Slack added to how far a kernel reaches, as bounds are rounded: in voxels, or in pixels of the plane.
+const SLACK: f64 = 1e-3;
+
 /// Draws all voxels on a lattice, band by band. Transmittances become opacities.
 pub(super) fn draw<B: Blend>(task: &DrawTask, lattice: &Lattice) -> Result<(Frame, BandStats)> {
     let threads = task.settings.threads;

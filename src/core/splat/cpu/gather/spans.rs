@@ -3,12 +3,10 @@
 //! In: a lattice and a slice, whose voxels lie on points of the grid. Out: for each column and row of tiles of a band, the first and
 //! the last coordinate, along the fast or the medium axis, of the voxels that reach it. They are computed once for a slice.
 
+use super::SLACK;
 use super::slab::SLICES;
 use crate::splat::cpu::lattice::{Lattice, Slice};
 use crate::splat::cpu::tile_buffer::TILE;
-
-/// Slack of rounded bounds, in voxels.
-const SLACK: f64 = 1e-3;
 
 /// The spans of the slices of a slab: of columns along the fast axis, of rows along the medium axis.
 pub(super) struct Spans {

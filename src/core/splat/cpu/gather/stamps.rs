@@ -3,14 +3,12 @@
 //! In: a lattice and a slice. Out: for each place that a voxel may have beside a tile, the weights at the tile's sixteen
 //! pixels. All tiles of a slice see the same lattice of voxels, so the weights are computed once for a slice.
 
+use super::SLACK;
 use super::slab::SLICES;
 use crate::splat::cpu::blend::Blend;
 use crate::splat::cpu::lattice::{Lattice, Place, Slice};
 use crate::splat::cpu::tile_buffer::TILE_PIXELS;
 use crate::splat::cpu::voxel_block::BLOCK;
-
-/// Slack of rounded bounds, in voxels.
-const SLACK: f64 = 1e-3;
 
 /// What the kernels that reach a tile weigh at its pixels, for the slices of a slab.
 pub(super) struct Stamps {
