@@ -127,7 +127,7 @@ fn draw_scene(
     let sampling = bounds.and_then(|bounds| Plane::choose(&setup.view, &setup.order, &bounds, deepest, settings));
     // Faint scenes are drawn in stacks, on the picture's own pixels. Splats are fainter there than on a lattice if voxels are small.
     let is_faint = |lattice: &Lattice| {
-        let strongest = lattice.strength().unwrap_or_else(|| faint::strongest(&setup, &table));
+        let strongest = lattice.strength().map_or_else(|| faint::strongest(&setup, &table), f64::from);
         faint::stacks(scene, &setup, &table, settings, strongest).is_some()
     };
     let sampling = sampling.filter(|plane| !matches!(plane, Plane::Lattice(lattice) if is_faint(lattice)));

@@ -146,8 +146,8 @@ impl<'a, B: Blend> Band<'a, B> {
         rows: usize,
     ) -> Result<Band<'a, B>> {
         let columns = lattice.size[0] as usize >> TILE;
-        let stamps = lattice.voxels_per_tile().map(|voxels| {
-            let depth = task.projector.table.only_depth().map(|depth| limited(depth, lattice.tile([0, 0]).strength()));
+        let stamps = lattice.voxels_per_tile().zip(lattice.strength()).map(|(voxels, strength)| {
+            let depth = task.projector.table.only_depth().map(|depth| limited(depth, strength));
             Stamps::new(lattice, voxels, depth)
         });
         let line = task.setup.lane.dims[task.projector.nesting[2]] as usize;
@@ -421,8 +421,10 @@ impl<'a, B: Blend> Band<'a, B> {
             for (look, &record) in looks.iter_mut().zip(&voxels.records) {
                 look[3] = limited(look[3], footprints.strength(projector.lane.coverage_code(record)));
             }
-        } else if tables.is_none() && lattice.is_parallel() && !lattice.is_beside() {
-            let strength = lattice.tile([0, 0]).strength();
+        } else if tables.is_none()
+            && !lattice.is_beside()
+            && let Some(strength) = lattice.strength()
+        {
             looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
         }
         self.drawn += looks.iter().filter(|look| look[3] > 0.0).count() as u64;

@@ -34,8 +34,9 @@ impl LookTables {
             return None;
         }
         let mut looks = Box::new(*projector.table.of_bytes()?);
-        if projector.is_on_grid() {
-            let strength = lattice.tile([0, 0]).strength();
+        if let Some(strength) = lattice.strength()
+            && projector.is_on_grid()
+        {
             looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
         }
         let light = projector.lights.as_ref().map(|lights| {

@@ -287,9 +287,10 @@ impl Lattice {
     }
 
     /// Returns the peak of a splat of optical depth 1 in a parallel view; `None` in perspective, where it varies.
-    pub(super) fn strength(&self) -> Option<f64> {
+    #[inline(always)]
+    pub(super) fn strength(&self) -> Option<f32> {
         match self.rays {
-            Rays::Parallel { strength, .. } => Some(strength.into()),
+            Rays::Parallel { strength, .. } => Some(strength),
             Rays::Perspective { .. } => None,
         }
     }
