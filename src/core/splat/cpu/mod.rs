@@ -24,7 +24,7 @@ mod front;
 mod gather;
 mod lattice;
 mod looks;
-mod memory;
+pub(crate) mod memory;
 mod plain;
 pub(crate) mod project;
 pub(crate) mod scatter;

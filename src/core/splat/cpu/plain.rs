@@ -10,7 +10,7 @@ use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pix
 use super::scatter::maximum::{Rays, advance};
 use super::splats::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, combine, full_rect};
-use super::tile_buffer::{Rect, TILE, TileBuffer};
+use super::tile_buffer::{Rect, TILE_SHIFT, TileBuffer};
 use super::warp::halved;
 use crate::arena::layout::Channels;
 use crate::classify::normal::{self, Coherence};
@@ -29,7 +29,7 @@ pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult> 
     let stats = each_splat(task, |splat, _| splat.is_some_and(|splat| draw_splat::<B>(&mut tiles, splat, stop)));
     if let Some(front) = task.front.filter(|_| stop > 0.0) {
         for (x, y) in (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| (x, y))) {
-            if front.hides_tile(x >> TILE, y >> TILE) {
+            if front.hides_tile(x >> TILE_SHIFT, y >> TILE_SHIFT) {
                 tiles.set_pixel(x, y, [0.0; 4]);
             }
         }
@@ -71,7 +71,7 @@ pub(super) fn draw_on_lattice<B: Blend>(
     let rect = full_rect(lattice.size);
     let mut tiles = TileBuffer::new(rect, B::INITIAL_ALPHA)?;
     let projector = &task.projector;
-    let columns = lattice.size[0] as usize >> TILE;
+    let columns = lattice.size[0] as usize >> TILE_SHIFT;
     let stats = each_voxel(task, |voxel, record| {
         if !projector.clip.contains(voxel) {
             return false;
@@ -105,7 +105,7 @@ pub(super) fn draw_on_lattice<B: Blend>(
         let mut is_drawn = false;
         for y in spans[1][0]..=spans[1][1] {
             for x in spans[0][0]..=spans[0][1] {
-                let tile = [x >> TILE, y >> TILE];
+                let tile = [x >> TILE_SHIFT, y >> TILE_SHIFT];
                 if !shown[tile[1] as usize * columns + tile[0] as usize] {
                     continue;
                 }
@@ -115,7 +115,7 @@ pub(super) fn draw_on_lattice<B: Blend>(
                 };
                 let weight = match beside {
                     Some((footprints, at)) => footprints.weight(at, code, [x, y]),
-                    None => rays.weights(&place, projector.cut)[((y & 3) << TILE | (x & 3)) as usize],
+                    None => rays.weights(&place, projector.cut)[((y & 3) << TILE_SHIFT | (x & 3)) as usize],
                 };
                 let peak = limited(depth, rays.strength());
                 if peak <= 0.0 {

@@ -34,7 +34,7 @@ use crate::splat::cpu::dispatch;
 use crate::splat::cpu::lattice::{Footprints, Lattice, Slice};
 use crate::splat::cpu::project::{Projector, limited};
 use crate::splat::cpu::task::{BandStats, DrawTask};
-use crate::splat::cpu::tile_buffer::{Rect, TILE, TileBuffer};
+use crate::splat::cpu::tile_buffer::{Rect, TILE_SHIFT, TileBuffer};
 use crate::splat::cpu::voxel_block::{GROUP, VoxelBlock};
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
@@ -145,7 +145,7 @@ impl<'a, B: Blend> Band<'a, B> {
         (tables, footprints): (Option<&'a LookTables>, Option<&'a Footprints>),
         rows: usize,
     ) -> Result<Band<'a, B>> {
-        let columns = lattice.size[0] as usize >> TILE;
+        let columns = lattice.size[0] as usize >> TILE_SHIFT;
         let stamps = lattice.voxels_per_tile().zip(lattice.strength()).map(|(voxels, strength)| {
             let depth = task.projector.table.only_depth().map(|depth| limited(depth, strength));
             Stamps::new(lattice, voxels, depth)
@@ -184,7 +184,7 @@ impl<'a, B: Blend> Band<'a, B> {
     fn begin(&mut self, shown: &[bool], [first, end]: [i32; 2]) -> Result<()> {
         let columns = self.columns;
         (self.first_row, self.rows) = (first, (end - first) as usize);
-        let rect = Rect { x0: 0, y0: first << TILE, x1: (columns << TILE) as i32, y1: end << TILE };
+        let rect = Rect { x0: 0, y0: first << TILE_SHIFT, x1: (columns << TILE_SHIFT) as i32, y1: end << TILE_SHIFT };
         self.pixels.restart(rect)?;
         let shown = shown[columns * first as usize..columns * end as usize].iter();
         for (tile, _) in shown.enumerate().filter(|(_, is_shown)| !**is_shown) {
@@ -204,7 +204,7 @@ impl<'a, B: Blend> Band<'a, B> {
         // A kernel reaches pixels whose rays are steeper or flatter than the voxel's own.
         let around = self.lattice.farthest(slice, side);
         let reach = self.lattice.reach(side, [low - around, high + around]) / slice.step[side] + SLACK;
-        [((low - reach).ceil() as i32) >> TILE, ((high + reach).floor() as i32) >> TILE]
+        [((low - reach).ceil() as i32) >> TILE_SHIFT, ((high + reach).floor() as i32) >> TILE_SHIFT]
     }
 
     /// Returns the first and last row of tiles, counted from the band's first, that kernels of these voxels may reach.
@@ -215,9 +215,9 @@ impl<'a, B: Blend> Band<'a, B> {
 
     /// Finds the map from the medium axis to rows of tiles of the slice at hand.
     fn set_rows(&mut self) {
-        let (slice, first) = (&self.slice, f64::from(self.first_row << TILE));
+        let (slice, first) = (&self.slice, f64::from(self.first_row << TILE_SHIFT));
         let around = self.lattice.farthest(slice, 1);
-        let band = [first - around, first + f64::from((self.rows as i32) << TILE) + around];
+        let band = [first - around, first + f64::from((self.rows as i32) << TILE_SHIFT) + around];
         let reach = self.lattice.reach(1, band) / slice.step[1] + SLACK;
         let zero = -slice.origin[1] / slice.step[1] - first;
         self.rows_at = [1.0 / slice.step[1], zero - reach, zero + reach];
@@ -230,7 +230,7 @@ impl<'a, B: Blend> Band<'a, B> {
         let at = f64::from(medium) * per_voxel;
         // Positive numbers round down when they become integers; what is before the band does not matter.
         let (low, high) = ((at + low + 1.0).max(0.0) as i32, (at + high).max(-1.0).floor() as i32);
-        [low >> TILE, (high >> TILE).min(self.rows as i32 - 1)]
+        [low >> TILE_SHIFT, (high >> TILE_SHIFT).min(self.rows as i32 - 1)]
     }
 
     /// Adds those of a batch's voxels that open tiles may show.

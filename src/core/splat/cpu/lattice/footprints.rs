@@ -14,7 +14,7 @@ use super::{Lattice, Place, Slice, TileRays, Tiles};
 use crate::arena::{Coverage, Lane};
 use crate::splat::block_kernel::{SHAPES, shape};
 use crate::splat::cpu::project::{Projector, nearest_pixel};
-use crate::splat::cpu::tile_buffer::{TILE, TILE_PIXELS};
+use crate::splat::cpu::tile_buffer::{TILE_PIXELS, TILE_SHIFT};
 use crate::splat::cpu::voxel_block::{BLOCK, VoxelBlock};
 
 /// Number of bits of a place within a pixel, along a side; number of places, and their middle, which is the pixel's centre.
@@ -97,7 +97,7 @@ impl Footprints {
                 strength: kernels[shape].strength,
             };
         }
-        let last = lattice.size.map(|side| (side >> TILE) as i32 - 1);
+        let last = lattice.size.map(|side| (side >> TILE_SHIFT) as i32 - 1);
         Some(Footprints { before, strips, rows, last, weights, beside, code_shift })
     }
 
@@ -128,8 +128,8 @@ impl Footprints {
 
     /// Returns the weight of a voxel at a place at one of these pixels.
     pub(in super::super) fn weight(&self, at: [i32; 2], code: u16, [x, y]: [i32; 2]) -> f32 {
-        let number = self.number(at, self.beside(code).first) + self.later([x >> TILE, y >> TILE]);
-        self.weights(number)[((y & 3) << TILE | (x & 3)) as usize]
+        let number = self.number(at, self.beside(code).first) + self.later([x >> TILE_SHIFT, y >> TILE_SHIFT]);
+        self.weights(number)[((y & 3) << TILE_SHIFT | (x & 3)) as usize]
     }
 
     /// Returns the number of the weights of a voxel at the first tile of the plane; `first` is that of its kernel's first weights.
@@ -182,8 +182,8 @@ impl Footprints {
         for (side, tiles) in [columns, rows].into_iter().enumerate() {
             let last = self.last[side];
             for ((tiles, at), reach) in tiles.iter_mut().zip(&at[side]).zip(&reaches[side]) {
-                let first = ((at - reach + PLACES - 1) >> (BITS + TILE)).max(0);
-                let count = (((at + reach) >> (BITS + TILE)).min(last) + 1 - first).max(0);
+                let first = ((at - reach + PLACES - 1) >> (BITS + TILE_SHIFT)).max(0);
+                let count = (((at + reach) >> (BITS + TILE_SHIFT)).min(last) + 1 - first).max(0);
                 *tiles = Tiles { first: first as u16, count: count as u16 };
             }
         }

@@ -36,7 +36,7 @@ pub(super) use self::low_pass::LowPass;
 pub(super) use self::tile_rays::{TileRays, near_weight};
 use super::front::Front;
 use super::project::nearest_pixel;
-use super::tile_buffer::TILE;
+use super::tile_buffer::TILE_SHIFT;
 use super::voxel_block::{BLOCK, Coordinates, Displaced};
 use crate::splat::block_kernel::SHAPES;
 use crate::splat::kernel::KernelShape;
@@ -194,7 +194,7 @@ impl Lattice {
         // Voxels that are a tile apart have the same offset, bit for bit.
         let (tiles, rest) = (voxel.div_euclid(voxels[side]), voxel.rem_euclid(voxels[side]));
         let (pixel, offset) = pixel(rest);
-        (pixel.wrapping_add(tiles << TILE), offset)
+        (pixel.wrapping_add(tiles << TILE_SHIFT), offset)
     }
 
     /// Returns where a voxel of `slice` lies on the plane that may lie beside the points of the grid. `at` are its
@@ -256,7 +256,7 @@ impl Lattice {
             };
             // The slopes of the tiles that a kernel reaches are at most this much steeper.
             let more = step * self.farthest(slice, side) as f32;
-            let last = (self.size[side] >> TILE) as i32 - 1;
+            let last = (self.size[side] >> TILE_SHIFT) as i32 - 1;
             let (mut from, mut count) = ([0; BLOCK], [0; BLOCK]);
             for j in 0..BLOCK {
                 let (pixel, offset) = (pixel[side][j], offset[side][j]);
@@ -264,8 +264,8 @@ impl Lattice {
                 let shape = usize::from(positions.shapes[j]) % SHAPES;
                 let square = self.squares[1 + side][shape] + self.squares[0][shape] * (slope * slope);
                 let reach = radius[j] * per_column[side] * square.sqrt() + 0.01;
-                let low = ((pixel + (offset - reach).ceil() as i32) >> TILE).max(0);
-                let high = ((pixel + (offset + reach).floor() as i32) >> TILE).min(last);
+                let low = ((pixel + (offset - reach).ceil() as i32) >> TILE_SHIFT).max(0);
+                let high = ((pixel + (offset + reach).floor() as i32) >> TILE_SHIFT).min(last);
                 (from[j], count[j]) = (low as u16, (high + 1 - low).max(0) as u16);
             }
             for (j, tiles) in tiles.iter_mut().enumerate().take(BLOCK) {
@@ -349,7 +349,7 @@ impl Lattice {
         /// interpolation.
         const NEAR: usize = 2;
         let around = self.low_pass.halvings.map(|halvings| NEAR << halvings);
-        let [columns, rows] = self.size.map(|side| side as usize >> TILE);
+        let [columns, rows] = self.size.map(|side| side as usize >> TILE_SHIFT);
         let to_picture = DMat3::from_cols_array_2d(&self.plane_from_pixel).transpose().inverse();
         let (first, ends) =
             (-0.5 - self.low_pass.deviation, self.picture.map(|side| f64::from(side) - 0.5 + self.low_pass.deviation));

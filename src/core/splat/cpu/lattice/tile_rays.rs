@@ -5,7 +5,7 @@
 use super::{Lattice, Place, Rays};
 use crate::splat::arith::{LOG2_E, keep_if, near_exp2_neg};
 use crate::splat::block_kernel::SHAPES;
-use crate::splat::cpu::tile_buffer::{COLUMN, ROW, TILE, TILE_PIXELS};
+use crate::splat::cpu::tile_buffer::{COLUMN, ROW, TILE_PIXELS, TILE_SHIFT};
 
 /// What a kernel is on the rays of a tile.
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +40,7 @@ impl TileRays {
             u[i] = kernel.column * COLUMN[i] + kernel.shear * ROW[i];
             v[i] = kernel.row * ROW[i];
         }
-        TileRays { first: [column << TILE, row << TILE], kernel, u, v }
+        TileRays { first: [column << TILE_SHIFT, row << TILE_SHIFT], kernel, u, v }
     }
 
     /// Returns the optical depth of a voxel of depth 1 at its centre.
@@ -112,7 +112,7 @@ impl Lattice {
     /// centre, if its kernel is as wide along all axes.
     #[inline(always)]
     fn slopes(&self, [column, row]: [i32; 2]) -> ([f32; 2], f32) {
-        let first = [column << TILE, row << TILE];
+        let first = [column << TILE_SHIFT, row << TILE_SHIFT];
         let [fast, medium] = match &self.rays {
             Rays::Parallel { slope, .. } => *slope,
             Rays::Perspective { first: slope, step, .. } => {
