@@ -208,6 +208,6 @@ pub(crate) fn splat(
     };
     feed(&mut splatter)?;
     splatter.flush();
-    let band = BandResult { pixels: splatter.tiles, stats: BandStats::default() };
+    let band = BandResult { tiles: splatter.tiles, stats: BandStats::default() };
     Ok(assemble(&[band], &settings, &table)?.0)
 }

@@ -34,7 +34,7 @@ pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult> 
             }
         }
     }
-    Ok(BandResult { pixels: tiles, stats })
+    Ok(BandResult { tiles, stats })
 }
 
 /// Draws the whole picture front to back, slice by slice: sums a slice's splats, then composites the sum.
@@ -58,7 +58,7 @@ pub(super) fn draw_sheets(task: &DrawTask, rect: Rect) -> Result<BandResult> {
         splat.is_some_and(|splat| draw_splat::<Additive>(&mut sheet, splat, 0.0))
     });
     composite(&mut tiles, &mut sheet);
-    Ok(BandResult { pixels: tiles, stats })
+    Ok(BandResult { tiles, stats })
 }
 
 /// Draws all voxels on a lattice; `shown` tells which of its tiles are drawn at all. Transmittances become opacities.
@@ -128,7 +128,7 @@ pub(super) fn draw_on_lattice<B: Blend>(
         is_drawn
     });
     let settings = &Settings { size: lattice.size, ..task.settings.clone() };
-    let bands = [BandResult { pixels: tiles, stats }];
+    let bands = [BandResult { tiles, stats }];
     let transmits = B::INITIAL_ALPHA > 0.0;
     let mut frame = Frame::transparent(lattice.size)?;
     combine(&bands, settings, &mut frame, |pixel, [red, green, blue, alpha]| {
@@ -210,7 +210,7 @@ pub(super) fn draw_largest(task: &DrawTask, rect: Rect) -> Result<BandResult> {
         }
         is_drawn
     });
-    Ok(BandResult { pixels: tiles, stats })
+    Ok(BandResult { tiles, stats })
 }
 
 /// Blends a splat with the pixels of its box that lie in the picture; returns whether there are any.

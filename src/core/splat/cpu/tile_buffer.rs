@@ -113,14 +113,14 @@ pub struct TileBuffer {
     /// The state of each tile.
     states: Vec<u8>,
     /// For each tile: whether its pixels may still change.
-    pub(super) open: BitRows,
+    pub(super) open_tiles: BitRows,
 }
 
 impl TileBuffer {
     /// Creates the pixels of `rect`, which is not empty, with colours 0 and alphas `initial_alpha`.
     pub fn new(rect: Rect, initial_alpha: f32) -> Result<TileBuffer> {
-        let (tiles, states, open) = (Box::default(), Vec::new(), BitRows::default());
-        let mut buffer = TileBuffer { rect, initial_alpha, pitch: 0, tiles, states, open };
+        let (tiles, states, open_tiles) = (Box::default(), Vec::new(), BitRows::default());
+        let mut buffer = TileBuffer { rect, initial_alpha, pitch: 0, tiles, states, open_tiles };
         buffer.restart(rect)?;
         Ok(buffer)
     }
@@ -137,8 +137,8 @@ impl TileBuffer {
         }
         self.states.clear();
         self.states.resize(count, FRESH);
-        self.open = BitRows::new(columns, rows);
-        (0..rows).for_each(|row| self.open.set(row, [0, columns - 1]));
+        self.open_tiles = BitRows::new(columns, rows);
+        (0..rows).for_each(|row| self.open_tiles.set(row, [0, columns - 1]));
         Ok(())
     }
 
@@ -177,7 +177,7 @@ impl TileBuffer {
     #[inline(never)]
     pub(super) fn freeze(&mut self, index: usize, column: i32, row: i32) {
         self.states[index] = FROZEN;
-        self.open
+        self.open_tiles
             .clear((row - (self.rect.y0 >> TILE_SHIFT)) as usize, (column - (self.rect.x0 >> TILE_SHIFT)) as usize);
     }
 
@@ -200,7 +200,7 @@ impl TileBuffer {
         let tile = |at: i32, first: i32| ((at >> TILE_SHIFT) - (first >> TILE_SHIFT)) as usize;
         let columns = [rect.x0, rect.x1 - 1].map(|x| tile(x, self.rect.x0));
         let rows = [rect.y0, rect.y1 - 1].map(|y| tile(y, self.rect.y0));
-        !self.open.any_in(rows, columns)
+        !self.open_tiles.any_in(rows, columns)
     }
 
     /// Returns the number of tiles, with what pads their rows.

@@ -199,7 +199,7 @@ impl FrameUniform {
                 camera_from_voxel
             }
         };
-        if shot.maximum {
+        if shot.is_maximum {
             uniform.set_rays(&Rays::new(shot));
         }
         for (r, map) in maps.iter().enumerate() {

@@ -84,7 +84,7 @@ impl<B: Blend> Visitor for LatticePainter<'_, '_, B> {
             return false;
         }
         let [left, right] = band.tiles_near(0, &slice, [bounds.low[fast], bounds.high[fast]]);
-        (low..=high).any(|row| band.pixels.open.any(row as usize, [left, right]))
+        (low..=high).any(|row| band.tiles.open_tiles.any(row as usize, [left, right]))
     }
 
     fn visit(&mut self, batch: &Batch) {
@@ -107,7 +107,7 @@ pub(in super::super) struct Band<'a, B> {
     /// Number of columns and rows of tiles.
     pub(super) columns: usize,
     pub(super) rows: usize,
-    pub(super) pixels: TileBuffer,
+    pub(super) tiles: TileBuffer,
     slow: Option<u16>,
     slice: Slice,
     /// Rows of pixels, from the band's first on, per voxel along the medium axis; the first and the last row that the
@@ -159,7 +159,7 @@ impl<'a, B: Blend> Band<'a, B> {
             first_row: 0,
             columns,
             rows,
-            pixels: TileBuffer::new(NO_PIXELS, B::INITIAL_ALPHA)?,
+            tiles: TileBuffer::new(NO_PIXELS, B::INITIAL_ALPHA)?,
             slow: None,
             slice: Slice::NONE,
             rows_at: [0.0; 3],
@@ -185,10 +185,10 @@ impl<'a, B: Blend> Band<'a, B> {
         let columns = self.columns;
         (self.first_row, self.rows) = (first, (end - first) as usize);
         let rect = Rect { x0: 0, y0: first << TILE_SHIFT, x1: (columns << TILE_SHIFT) as i32, y1: end << TILE_SHIFT };
-        self.pixels.restart(rect)?;
+        self.tiles.restart(rect)?;
         let shown = shown[columns * first as usize..columns * end as usize].iter();
         for (tile, _) in shown.enumerate().filter(|(_, is_shown)| !**is_shown) {
-            self.pixels.open.clear(tile / columns, tile % columns);
+            self.tiles.open_tiles.clear(tile / columns, tile % columns);
         }
         (self.slow, self.together_of, self.drawn) = (None, None, 0);
         self.shown_at.fill(None);
@@ -292,11 +292,11 @@ impl<'a, B: Blend> Band<'a, B> {
     /// Computes `shown` of a row of tiles.
     #[inline(always)]
     fn show_row(&mut self, row: usize, projector: &Projector) {
-        let Band { lattice, slice, pixels, shown, .. } = self;
+        let Band { lattice, slice, tiles, shown, .. } = self;
         shown.clear_row(row);
         let fast = projector.nesting[2];
         let last = projector.lane.dims[fast] as i32 - 1;
-        pixels.open.each_run(row, |[left, right]| {
+        tiles.open_tiles.each_run(row, |[left, right]| {
             let ends = [4.0 * left as f64, 4.0 * right as f64 + 3.0];
             let reach = lattice.reach(0, ends) + SLACK;
             let from = (slice.origin[0] + slice.step[0] * ends[0] - reach).ceil() as i32;

@@ -52,7 +52,7 @@ pub(super) fn draw<B: Blend>(task: &DrawTask, lattice: &Lattice) -> Result<(Fram
             None => band.insert(Band::new(task, lattice, tables, each)?),
         };
         let stats = band::draw::<B>(task, band, &shown, rows)?;
-        fearless_simd::dispatch!(level, simd => band.pixels.put(simd, transmits, halves, kept, columns));
+        fearless_simd::dispatch!(level, simd => band.tiles.put(simd, transmits, halves, kept, columns));
         Ok(stats)
     };
     let bands = frame.pixels_mut().as_chunks_mut().0.chunks_mut(columns * kept_rows).enumerate();

@@ -29,10 +29,10 @@ impl Weights<'_> {
         projector: &Projector,
         slab: &Slab,
         splats: &[u32],
-        pixels: &mut TileBuffer,
+        tiles: &mut TileBuffer,
         place: [i32; 2],
     ) -> bool {
-        let Some((_, pixels)) = pixels.tile(place[0], place[1]) else { return false };
+        let Some((_, pixels)) = tiles.tile(place[0], place[1]) else { return false };
         let (mut tile, mut is_open, stop) = (*pixels, true, projector.stop);
         if STAMPED {
             let Some(stamps) = self.stamps else { return false };

@@ -43,7 +43,7 @@ pub(super) fn paint(
     let start = Instant::now();
     painter.flush();
     (stats.drawn, stats.drawing) = (painter.drawn, stats.drawing + start.elapsed());
-    BandResult { pixels: painter.tiles, stats }
+    BandResult { tiles: painter.tiles, stats }
 }
 
 /// Receives the voxels of a walk and draws them on a band.
