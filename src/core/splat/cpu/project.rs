@@ -209,9 +209,9 @@ impl<'a> Projector<'a> {
         let steps = camera_from_voxel.each_ref().map(single);
         let [right, up, forward] = camera_from_voxel.map(|map| self.nested(&map));
         let (focal_single, sigma, cut_off, strength) = (focal as f32, self.sigma, self.cut_off, self.strength);
-        for from in (0..BLOCK).step_by(LANES) {
-            let mut lanes = SplatPlaces::new();
-            for j in 0..LANES {
+        for from in (0..BLOCK).step_by(VECTOR_WIDTH) {
+            let mut part = SplatPlaces::new();
+            for j in 0..VECTOR_WIDTH {
                 let position = positions.at(from + j);
                 let [t0, t1, t2] =
                     [affine_at(&right, position), affine_at(&up, position), affine_at(&forward, position)];
@@ -226,9 +226,9 @@ impl<'a> Projector<'a> {
                 };
                 let Footprint { ellipse, density } = footprint(rows, sigma, cut_off);
                 let strength = keep_if(in_front, strength * density * slant(tan_x, tan_y) * (nearness * nearness));
-                lanes.set(j, [centre_x + focal * tan_right, centre_y - focal * tan_up], &ellipse, strength);
+                part.set(j, [centre_x + focal * tan_right, centre_y - focal * tan_up], &ellipse, strength);
             }
-            lanes.copy_to(from, &mut out.places);
+            part.copy_to(from, &mut out.places);
         }
     }
 
@@ -237,17 +237,17 @@ impl<'a> Projector<'a> {
     fn place_parallel<C: Coordinates>(&self, pixel_from_voxel: [Affine; 2], positions: &C, out: &mut Splats) {
         let [column, row] = pixel_from_voxel.map(|map| self.nested(&map));
         let alike = (self.ellipse, self.strength);
-        for from in (0..BLOCK).step_by(LANES) {
-            let mut lanes = SplatPlaces::new();
-            for j in 0..LANES {
+        for from in (0..BLOCK).step_by(VECTOR_WIDTH) {
+            let mut part = SplatPlaces::new();
+            for j in 0..VECTOR_WIDTH {
                 let position = positions.at(from + j);
                 let (ellipse, strength) = match (positions.shapes(), &self.shapes) {
                     (Some(shapes), Some(of_shapes)) => of_shapes[usize::from(shapes[from + j]) % SHAPES],
                     _ => alike,
                 };
-                lanes.set(j, [affine_at(&column, position), affine_at(&row, position)], &ellipse, strength);
+                part.set(j, [affine_at(&column, position), affine_at(&row, position)], &ellipse, strength);
             }
-            lanes.copy_to(from, &mut out.places);
+            part.copy_to(from, &mut out.places);
         }
     }
 
@@ -339,9 +339,9 @@ impl<'a> Projector<'a> {
 }
 
 /// How many voxels are computed at once, in local arrays, which the compiler knows not to overlap with other arrays.
-pub(super) const LANES: usize = 16;
+pub(super) const VECTOR_WIDTH: usize = 16;
 
-impl SplatPlaces<LANES> {
+impl SplatPlaces<VECTOR_WIDTH> {
     /// Sets splat `j`, whose centre is at a column and a row.
     #[inline(always)]
     fn set(&mut self, j: usize, [column, row]: [f64; 2], ellipse: &Ellipse, strength: f32) {
@@ -355,16 +355,16 @@ impl SplatPlaces<LANES> {
     /// Copies all values into a block's arrays, starting at index `from`.
     #[inline(always)]
     fn copy_to(&self, from: usize, out: &mut SplatPlaces<BLOCK>) {
-        for (out, lanes) in [(&mut out.x, &self.x), (&mut out.y, &self.y)] {
-            out.nearest[from..from + LANES].copy_from_slice(&lanes.nearest);
-            out.offset[from..from + LANES].copy_from_slice(&lanes.offset);
-            out.low[from..from + LANES].copy_from_slice(&lanes.low);
-            out.high[from..from + LANES].copy_from_slice(&lanes.high);
+        for (out, part) in [(&mut out.x, &self.x), (&mut out.y, &self.y)] {
+            out.nearest[from..from + VECTOR_WIDTH].copy_from_slice(&part.nearest);
+            out.offset[from..from + VECTOR_WIDTH].copy_from_slice(&part.offset);
+            out.low[from..from + VECTOR_WIDTH].copy_from_slice(&part.low);
+            out.high[from..from + VECTOR_WIDTH].copy_from_slice(&part.high);
         }
-        for (out, lanes) in out.ellipses.iter_mut().zip(&self.ellipses) {
-            out[from..from + LANES].copy_from_slice(lanes);
+        for (out, part) in out.ellipses.iter_mut().zip(&self.ellipses) {
+            out[from..from + VECTOR_WIDTH].copy_from_slice(part);
         }
-        out.strength[from..from + LANES].copy_from_slice(&self.strength);
+        out.strength[from..from + VECTOR_WIDTH].copy_from_slice(&self.strength);
     }
 }
 
