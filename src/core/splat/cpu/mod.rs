@@ -203,14 +203,14 @@ fn warped<B: Blend>(
     front: Option<&Front>,
     lattice: &Lattice,
 ) -> Result<(Frame, BandStats)> {
-    let level = dispatch::level(settings.code);
+    let instructions = dispatch::instruction_set(settings.code);
     let task = DrawTask { front, ..DrawTask::new::<B>(setup, table, settings) };
     let (plane, work) = gather::draw::<B>(&task, lattice)?;
     if settings.mode == Mode::Composite {
-        return Ok((warp::warp(lattice, plane, 1.0, level, settings.threads)?, work));
+        return Ok((warp::warp(lattice, plane, 1.0, instructions, settings.threads)?, work));
     }
     // What a pixel shows of its ray's sum is not in proportion to it: the sums are warped.
-    let mut picture = warp::warp(lattice, plane, f32::MAX, level, settings.threads)?;
+    let mut picture = warp::warp(lattice, plane, f32::MAX, instructions, settings.threads)?;
     picture.fill_rows(settings.threads, |_, row| row.iter_mut().for_each(|pixel| *pixel = table.finish(*pixel)));
     Ok((picture, work))
 }

@@ -42,7 +42,7 @@ pub(super) fn draw<B: Blend>(task: &DrawTask, lattice: &Lattice) -> Result<(Fram
     let looks = LookTables::new(&task.projector, lattice);
     let tables = (looks.as_ref(), footprints.as_ref());
     let (mut frame, mut stats) = (Frame::transparent(lattice.kept())?, BandStats::default());
-    let level = dispatch::level(task.settings.code);
+    let instructions = dispatch::instruction_set(task.settings.code);
     let (transmits, halves) = (B::INITIAL_ALPHA > 0.0, lattice.halves());
     let [columns, kept_rows] = [frame.size()[0] as usize, (each << TILE_SHIFT) >> u32::from(halves[1])];
     let draw = |band: &mut Option<_>, (index, kept): (usize, &mut [[f32; 4]])| {
@@ -52,7 +52,7 @@ pub(super) fn draw<B: Blend>(task: &DrawTask, lattice: &Lattice) -> Result<(Fram
             None => band.insert(Band::new(task, lattice, tables, each)?),
         };
         let stats = band::draw::<B>(task, band, &shown, rows)?;
-        fearless_simd::dispatch!(level, simd => band.tiles.put(simd, transmits, halves, kept, columns));
+        fearless_simd::dispatch!(instructions, simd => band.tiles.put(simd, transmits, halves, kept, columns));
         Ok(stats)
     };
     let bands = frame.pixels_mut().as_chunks_mut().0.chunks_mut(columns * kept_rows).enumerate();
