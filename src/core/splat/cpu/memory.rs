@@ -2,7 +2,7 @@
 //!
 //! In: a grid, a camera, settings. Out: an upper bound in bytes, and the pixels that are drawn first.
 
-use super::Plane;
+use super::SampleGrid;
 use crate::arena::visible::MAX_DEPTH;
 use crate::error::Result;
 use crate::splat::setup::walk_order;
@@ -75,11 +75,11 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
 
 /// Returns where a view of voxels is drawn whose largest optical depth is `deepest`.
 fn canvas_of_depth(view: &View, order: &Order, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Canvas {
-    match Plane::choose(view, order, bounds, deepest, settings) {
-        Some(Plane::Lattice(lattice)) => {
+    match SampleGrid::choose(view, order, bounds, deepest, settings) {
+        Some(SampleGrid::Lattice(lattice)) => {
             Canvas::Lattice { size: lattice.size, kept: lattice.kept(), copied: lattice.copied() }
         }
-        Some(Plane::Supersampling(supersampling)) => Canvas::Finer(supersampling.strip_size()),
+        Some(SampleGrid::Supersampling(supersampling)) => Canvas::Finer(supersampling.strip_size()),
         None => Canvas::Picture,
     }
 }
