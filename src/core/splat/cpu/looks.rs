@@ -119,7 +119,7 @@ impl Projector<'_> {
                 }
             }
         } else {
-            let [s, m, f] = self.nesting;
+            let [s, m, f] = self.slow_medium_fast;
             let mut toward_eye = [[0.0f32; BLOCK]; 3];
             for k in 0..count {
                 let [slow, medium, fast] = positions.at(usize::from(kept[k]) % BLOCK).map(|c| c as f32);

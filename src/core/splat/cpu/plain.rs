@@ -76,7 +76,7 @@ pub(super) fn draw_on_lattice<B: Blend>(
         if !projector.clip.contains(voxel) {
             return false;
         }
-        let [slow, medium, fast] = projector.nesting.map(|axis| voxel[axis]);
+        let [slow, medium, fast] = projector.slow_medium_fast.map(|axis| voxel[axis]);
         let slice = lattice.slice(slow);
         let (offset, shape) = projector.offset(record);
         let place = if projector.is_on_grid() {
@@ -180,7 +180,7 @@ pub(super) fn draw_largest(task: &DrawTask, rect: Rect) -> Result<BandResult> {
     let mut slices = vec![0u16; place(0, rect.y1)];
     let stats = each_voxel(task, |voxel, record| {
         let [_, _, _, value] = task.projector.look(record);
-        let nested = task.projector.nesting.map(|axis| voxel[axis]);
+        let nested = task.projector.slow_medium_fast.map(|axis| voxel[axis]);
         let position = nested.map(f64::from);
         let [left, right, top, bottom] = rays.pixels(position);
         if !task.projector.clip.contains(voxel) || value <= 0.0 {
@@ -236,7 +236,7 @@ fn blend_pixel<B: Blend>(tiles: &mut TileBuffer, [x, y]: [i32; 2], amount: f32, 
 
 /// Calls `draw` for each voxel with its splat (`None` if the voxel has none) and slice; `draw` returns whether it drew.
 fn each_splat(task: &DrawTask, mut draw: impl FnMut(Option<ColouredSplat>, u16) -> bool) -> BandStats {
-    each_voxel(task, |voxel, record| draw(splat(task, voxel, record), voxel[task.projector.nesting[0]]))
+    each_voxel(task, |voxel, record| draw(splat(task, voxel, record), voxel[task.projector.slow_medium_fast[0]]))
 }
 
 /// Calls `draw` for each voxel with its coordinates and the index of its record; `draw` returns whether it drew.
@@ -259,7 +259,7 @@ fn splat<'a>(task: &'a DrawTask, voxel: [u16; 3], record: usize) -> Option<Colou
     }
     let [red, green, blue, depth] = projector.look(record);
     let (offset, shape) = projector.offset(record);
-    let nested = projector.nesting.map(|axis| f64::from(voxel[axis]));
+    let nested = projector.slow_medium_fast.map(|axis| f64::from(voxel[axis]));
     let place = [0, 1, 2].map(|axis| nested[axis] + f64::from(offset[axis]));
     let splat = project_voxel(projector, place, shape, depth)?;
     Some((splat, lit_colour(projector, voxel, record, [red, green, blue])))
@@ -290,7 +290,7 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize,
             if !is_far {
                 let view = projector.near.as_ref()?;
                 let mut voxel = [0.0; 3];
-                projector.nesting.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
+                projector.slow_medium_fast.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
                 let kernel = view.kernel(voxel, t2)?;
                 return (depth > 0.0).then_some(Splat::Near { view, kernel, depth });
             }

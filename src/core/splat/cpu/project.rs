@@ -42,7 +42,7 @@ pub struct Projector<'a> {
     /// Transmittance below which a pixel no longer changes; 0 for never.
     pub(super) stop: f32,
     /// Indices of the slow, medium and fast axis.
-    pub nesting: [usize; 3],
+    pub slow_medium_fast: [usize; 3],
     pub(super) map: PixelMap,
     /// What voxels near the eye need; `None` in parallel views.
     pub(super) near: Option<NearView>,
@@ -93,7 +93,7 @@ impl<'a> Projector<'a> {
             cut_off,
             cut: kernel.cut(),
             stop,
-            nesting: [order.slow.index(), order.medium.index(), order.fast.index()],
+            slow_medium_fast: [order.slow.index(), order.medium.index(), order.fast.index()],
             map: view.map,
             near: NearView::new(view, setup.near_kernel),
             ellipse,
@@ -156,7 +156,7 @@ impl<'a> Projector<'a> {
     #[inline(always)]
     pub(super) fn offset(&self, record: usize) -> ([f32; 3], usize) {
         let Coverage { offset, .. } = self.lane.coverage(record);
-        (self.nesting.map(|axis| offset[axis]), shape(offset))
+        (self.slow_medium_fast.map(|axis| offset[axis]), shape(offset))
     }
 
     /// Returns the places of a block's voxels in a lane with coverages.
@@ -175,7 +175,8 @@ impl<'a> Projector<'a> {
     #[inline(always)]
     pub(super) fn in_clip(&self, voxels: &VoxelBlock) -> [bool; BLOCK] {
         let ClipRegion { crop, plane } = self.clip;
-        let (low, high) = (self.nesting.map(|axis| crop.low[axis]), self.nesting.map(|axis| crop.high[axis]));
+        let (low, high) =
+            (self.slow_medium_fast.map(|axis| crop.low[axis]), self.slow_medium_fast.map(|axis| crop.high[axis]));
         let [slow, medium, fast] = &voxels.positions;
         let mut in_clip = [false; BLOCK];
         for j in 0..BLOCK {
@@ -187,7 +188,7 @@ impl<'a> Projector<'a> {
                 & (fast[j] <= high[2]);
         }
         if let Some(plane) = plane {
-            let plane = IndexPlane { normal: self.nesting.map(|axis| plane.normal[axis]), ..plane };
+            let plane = IndexPlane { normal: self.slow_medium_fast.map(|axis| plane.normal[axis]), ..plane };
             for j in 0..BLOCK {
                 in_clip[j] &= plane.shows([slow[j], medium[j], fast[j]]);
             }
@@ -276,7 +277,7 @@ impl<'a> Projector<'a> {
                 continue;
             }
             let mut voxel = [0.0; 3];
-            self.nesting.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
+            self.slow_medium_fast.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
             if let Some(kernel) = view.kernel(voxel, depth) {
                 for (extents, [low, high]) in [(&mut places.x, kernel.columns), (&mut places.y, kernel.rows)] {
                     (extents.nearest[j], extents.low[j], extents.high[j]) = (low, low, high);
@@ -290,7 +291,7 @@ impl<'a> Projector<'a> {
     /// Returns `map` with its factors for the axes in the order slow, medium, fast.
     #[inline(always)]
     pub(super) fn nested(&self, map: &Affine) -> Affine {
-        let [s, m, f] = self.nesting;
+        let [s, m, f] = self.slow_medium_fast;
         [map[s], map[m], map[f], map[3]]
     }
 
@@ -298,7 +299,7 @@ impl<'a> Projector<'a> {
     #[inline(always)]
     pub(super) fn unnested(&self, nested: [u16; 3]) -> [u16; 3] {
         let mut voxel = [0; 3];
-        for (axis, coordinate) in self.nesting.into_iter().zip(nested) {
+        for (axis, coordinate) in self.slow_medium_fast.into_iter().zip(nested) {
             voxel[axis] = coordinate;
         }
         voxel

@@ -67,7 +67,7 @@ struct LatticePainter<'a, 'b, B> {
 
 impl<B: Blend> Visitor for LatticePainter<'_, '_, B> {
     fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
-        let [slow, medium, _] = self.task.projector.nesting;
+        let [slow, medium, _] = self.task.projector.slow_medium_fast;
         let rows = [bounds.low[slow], bounds.high[slow]]
             .map(|slow| self.band.rows_near(&self.band.lattice.slice(slow), [bounds.low[medium], bounds.high[medium]]));
         let (low, high) = (rows[0][0].min(rows[1][0]), rows[0][1].max(rows[1][1]));
@@ -75,7 +75,7 @@ impl<B: Blend> Visitor for LatticePainter<'_, '_, B> {
     }
 
     fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
-        let [slow, medium, fast] = self.task.projector.nesting;
+        let [slow, medium, fast] = self.task.projector.slow_medium_fast;
         let band = &*self.band;
         let slice = band.lattice.slice(bounds.low[slow]);
         let [low, high] = band.rows_near(&slice, [bounds.low[medium], bounds.high[medium]]);
@@ -150,7 +150,7 @@ impl<'a, B: Blend> Band<'a, B> {
             let depth = task.projector.table.only_depth().map(|depth| limited(depth, strength));
             Stamps::new(lattice, voxels, depth)
         });
-        let line = task.setup.lane.dims[task.projector.nesting[2]] as usize;
+        let line = task.setup.lane.dims[task.projector.slow_medium_fast[2]] as usize;
         let has_spans = task.projector.is_on_grid() && stamps.is_none();
         Ok(Band {
             blend: PhantomData,
@@ -252,7 +252,8 @@ impl<'a, B: Blend> Band<'a, B> {
             let medium = batch.medium[from];
             let to = from + same(&batch.medium[from..]);
             let [low, high] = self.rows_of(medium);
-            let ends = projector.clip.on_line(projector.nesting[2], projector.unnested([batch.slow, medium, 0]));
+            let ends =
+                projector.clip.on_line(projector.slow_medium_fast[2], projector.unnested([batch.slow, medium, 0]));
             if low <= high && ends[0] <= ends[1] {
                 self.show(batch.slow, [low as usize, high as usize], projector);
                 self.add(projector, batch, from..to, ends, [low as usize, high as usize]);
@@ -294,7 +295,7 @@ impl<'a, B: Blend> Band<'a, B> {
     fn show_row(&mut self, row: usize, projector: &Projector) {
         let Band { lattice, slice, tiles, shown, .. } = self;
         shown.clear_row(row);
-        let fast = projector.nesting[2];
+        let fast = projector.slow_medium_fast[2];
         let last = projector.lane.dims[fast] as i32 - 1;
         tiles.open_tiles.each_run(row, |[left, right]| {
             let ends = [4.0 * left as f64, 4.0 * right as f64 + 3.0];

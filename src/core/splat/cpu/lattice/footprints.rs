@@ -87,7 +87,7 @@ impl Footprints {
         let mut beside = Box::new([Beside { shift: [0.0; 2], reach: [0; 2], first: 0, strength: 0.0 }; CODES]);
         for (code, beside) in beside.iter_mut().enumerate() {
             let Coverage { offset, .. } = Coverage::of_code((code << code_shift) as u16, channels);
-            let [slow, medium, fast] = projector.nesting.map(|axis| f64::from(offset[axis]));
+            let [slow, medium, fast] = projector.slow_medium_fast.map(|axis| f64::from(offset[axis]));
             let moved = [fast - slow * slice.shift[0], medium - slow * slice.shift[1]];
             let shape = shape(offset);
             *beside = Beside {

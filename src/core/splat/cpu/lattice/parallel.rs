@@ -24,7 +24,7 @@ const LONGEST: f64 = 1.5;
 
 /// Returns the plane, if there is one.
 pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
-    let Subject { view, nested: [slow, fast, medium], low, high, reach, kernel, .. } = *subject;
+    let Subject { view, slow_fast_medium: [slow, fast, medium], low, high, reach, kernel, .. } = *subject;
     let PixelMap::Parallel { pixel_from_voxel: [x, y], scale } = &view.map else { return None };
     let area = x[fast] * y[medium] - x[medium] * y[fast];
     // From pixels of the picture to voxels along the fast and the medium axis.
