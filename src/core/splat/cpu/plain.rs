@@ -83,17 +83,17 @@ pub(super) fn draw_on_lattice<B: Blend>(
             lattice.place(&slice, [fast.into(), medium.into()])
         } else {
             let on_grid = [slow, medium, fast].map(f64::from);
-            Lattice::place_beside(&slice, [0, 1, 2].map(|axis| on_grid[axis] + f64::from(offset[axis])))
+            Lattice::place_displaced(&slice, [0, 1, 2].map(|axis| on_grid[axis] + f64::from(offset[axis])))
         };
         let [red, green, blue, depth] = projector.look(record);
         let colour = lit_colour(projector, voxel, record, [red, green, blue]);
         let code = projector.lane.coverage_code(record);
-        let beside = footprints.map(|footprints| {
+        let footprint = footprints.map(|footprints| {
             let at = footprints.place(&slice, [fast, medium], code);
             (footprints, at)
         });
         let spans = [0, 1].map(|side| {
-            if let Some((footprints, at)) = beside {
+            if let Some((footprints, at)) = footprint {
                 let [first, last] = footprints.pixels(side, at[side], code);
                 return [first.max(0), last.min(lattice.size[side] as i32 - 1)];
             }
@@ -109,11 +109,11 @@ pub(super) fn draw_on_lattice<B: Blend>(
                 if !shown[tile[1] as usize * columns + tile[0] as usize] {
                     continue;
                 }
-                let rays = match lattice.is_beside() {
+                let rays = match lattice.is_displaced() {
                     true => TileRays::new(tile, lattice.kernels(tile)[shape]),
                     false => lattice.tile(tile),
                 };
-                let weight = match beside {
+                let weight = match footprint {
                     Some((footprints, at)) => footprints.weight(at, code, [x, y]),
                     None => rays.weights(&place, projector.cut)[((y & 3) << TILE_SHIFT | (x & 3)) as usize],
                 };

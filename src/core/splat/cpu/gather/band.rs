@@ -409,7 +409,7 @@ impl<'a, B: Blend> Band<'a, B> {
                 }
                 None => {
                     let places = (&mut slab.places[range.clone()], &mut slab.stamps[range]);
-                    lattice.set_places_beside(slice, &projector.displaced(voxels), places, tiles);
+                    lattice.set_places_displaced(slice, &projector.displaced(voxels), places, tiles);
                 }
             }
         }
@@ -423,7 +423,7 @@ impl<'a, B: Blend> Band<'a, B> {
                 look[3] = limited(look[3], footprints.strength(projector.lane.coverage_code(record)));
             }
         } else if tables.is_none()
-            && !lattice.is_beside()
+            && !lattice.is_displaced()
             && let Some(strength) = lattice.strength()
         {
             looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));

@@ -70,13 +70,13 @@ impl Weights<'_> {
         } else {
             let rays = self.lattice.tile(place);
             // All shapes at once take as long as this many one by one.
-            let (is_beside, are_many) = (self.lattice.is_beside(), splats.len() > SHAPES);
-            let kernels = (is_beside && are_many).then(|| self.lattice.kernels(place));
+            let (is_displaced, are_many) = (self.lattice.is_displaced(), splats.len() > SHAPES);
+            let kernels = (is_displaced && are_many).then(|| self.lattice.kernels(place));
             let mut amounts = [[0.0; TILE_PIXELS]; FEW];
             'splats: for few in splats.chunks(FEW) {
                 let shape = |splat| Some(slab.stamp(splat)? as usize % SHAPES);
                 let count = match &kernels {
-                    None if is_beside => {
+                    None if is_displaced => {
                         let rays_of = |splat| Some(TileRays::new(place, self.lattice.kernel(place, shape(splat)?)));
                         compute_amounts::<B>(rays_of, projector.cut, slab, few, &mut amounts)
                     }

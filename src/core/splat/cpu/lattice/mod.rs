@@ -149,8 +149,8 @@ impl Lattice {
         self.low_pass.halvings.map(|halvings| halvings > 0)
     }
 
-    /// Returns whether voxels may lie beside points of the grid.
-    pub(super) fn is_beside(&self) -> bool {
+    /// Returns whether voxels may be displaced from points of the grid.
+    pub(super) fn is_displaced(&self) -> bool {
         self.spread > 0.0
     }
 
@@ -197,10 +197,10 @@ impl Lattice {
         (pixel.wrapping_add(tiles << TILE_SHIFT), offset)
     }
 
-    /// Returns where a voxel of `slice` lies on the plane that may lie beside the points of the grid. `at` are its
-    /// coordinates on the slow, medium and fast axis.
+    /// Returns the place on the plane of a voxel of `slice` that may be displaced, from its coordinates on the slow, medium and fast
+    /// axis.
     #[inline(always)]
-    pub(super) fn place_beside(slice: &Slice, [slow, medium, fast]: [f64; 3]) -> Place {
+    pub(super) fn place_displaced(slice: &Slice, [slow, medium, fast]: [f64; 3]) -> Place {
         let along = slow - slice.slow;
         let step = [0, 1].map(|side: usize| slice.step[side] + slice.growth[side] * along);
         let at = |side: usize, voxel: f64| {
@@ -226,10 +226,10 @@ impl Lattice {
         }
     }
 
-    /// Computes the places of voxels of a slice in a perspective that may lie beside points of the grid, and which columns and
-    /// rows of tiles they reach.
+    /// Computes the places of voxels of a slice that may be displaced, the shapes of their kernels, and which columns and rows of
+    /// tiles they reach.
     #[inline(always)]
-    pub(super) fn set_places_beside(
+    pub(super) fn set_places_displaced(
         &self,
         slice: &Slice,
         positions: &Displaced,
@@ -243,7 +243,7 @@ impl Lattice {
             [at[0][j], at[1][j], at[2][j]] = positions.at(j);
         }
         for j in 0..BLOCK {
-            let place = Lattice::place_beside(slice, [at[0][j], at[1][j], at[2][j]]);
+            let place = Lattice::place_displaced(slice, [at[0][j], at[1][j], at[2][j]]);
             ([pixel[0][j], pixel[1][j]], [offset[0][j], offset[1][j]]) = (place.pixel, place.offset);
             (scale[j], radius[j]) = (place.scale, self.kernel.radius / place.scale.sqrt());
         }

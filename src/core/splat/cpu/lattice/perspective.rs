@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 
 use super::choose::Subject;
 use super::low_pass::LowPass;
-use super::resolution::RaysBeside;
+use super::resolution::EdgeRays;
 use super::{Lattice, Rays};
 use crate::splat::cpu::warp::MOST_ASIDE;
 use crate::splat::kernel::LOW_PASS;
@@ -72,10 +72,10 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     let distance = to_centre.length();
     // Those farthest away, beside the faces of the box.
     let slopes = [1, 2].map(|n: usize| {
-        let beside = [low[n], high[n]].map(|end| (end - eye[n]).abs());
-        beside[0].min(beside[1]) / farthest
+        let to_faces = [low[n], high[n]].map(|end| (end - eye[n]).abs());
+        to_faces[0].min(to_faces[1]) / farthest
     });
-    let rays = RaysBeside { slopes, slice: distance / middle };
+    let rays = EdgeRays { slopes, slice: distance / middle };
     let step = [1, 2].map(|n: usize| {
         let largest_step = focal / distance * column(slow_fast_medium[n]).length() * (1.0 + tangent * tangent);
         let per_voxel = |step: f64, is_far| subject.resolution.per_voxel(n - 1, &rays, step, is_far);

@@ -139,14 +139,14 @@ impl Lattice {
         } as f32;
         let scale = 0.5 * LOG2_E / (self.kernel.sigma * self.kernel.sigma);
         // The covariance on the slice is (f + s fast^2, s fast medium; s fast medium, m + s medium^2).
-        let beside = m + s * (medium * medium);
-        let determinant = f * beside + s * m * (fast * fast);
+        let medium_variance = m + s * (medium * medium);
+        let determinant = f * medium_variance + s * m * (fast * fast);
         let round = 1.0 + medium * medium + fast * fast;
-        let column = (scale * beside / determinant).sqrt();
+        let column = (scale * medium_variance / determinant).sqrt();
         RayKernel {
             column,
-            shear: 0.0 - column * (s * fast * medium / beside) * row_per_column,
-            row: (scale / beside).sqrt() * row_per_column,
+            shear: 0.0 - column * (s * fast * medium / medium_variance) * row_per_column,
+            row: (scale / medium_variance).sqrt() * row_per_column,
             strength: strength * (round / determinant).sqrt(),
         }
     }
