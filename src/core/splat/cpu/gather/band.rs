@@ -398,17 +398,17 @@ impl<'a, B: Blend> Band<'a, B> {
         if projector.is_on_grid() {
             slab.fasts[range.clone()].copy_from_slice(fasts);
             match stamps {
-                Some(stamps) => stamps.number(slab.last_slice(), [fasts, mediums], &mut slab.stamps[range]),
+                Some(stamps) => stamps.number(slab.last_slice(), [fasts, mediums], &mut slab.weight_keys[range]),
                 None => lattice.set_places(slice, [fasts, mediums], &mut slab.places[range]),
             }
         } else {
             let tiles = [&mut slab.columns[range.clone()], &mut slab.rows[range.clone()]];
             match footprints {
                 Some(footprints) => {
-                    footprints.place_block(voxels, &projector.lane, slice, &mut slab.stamps[range], tiles);
+                    footprints.place_block(voxels, &projector.lane, slice, &mut slab.weight_keys[range], tiles);
                 }
                 None => {
-                    let places = (&mut slab.places[range.clone()], &mut slab.stamps[range]);
+                    let places = (&mut slab.places[range.clone()], &mut slab.weight_keys[range]);
                     lattice.set_places_displaced(slice, &projector.displaced(voxels), places, tiles);
                 }
             }

@@ -38,10 +38,10 @@ impl Weights<'_> {
             let Some(stamps) = self.stamps else { return false };
             let lower = stamps.lower(place);
             for &splat in splats {
-                let (Some(&[red, green, blue, depth]), Some(stamp)) = (slab.look(splat), slab.stamp(splat)) else {
+                let (Some(&[red, green, blue, depth]), Some(key)) = (slab.look(splat), slab.weight_key(splat)) else {
                     break;
                 };
-                let Some(stamp) = stamps.stamp(stamp - lower) else { break };
+                let Some(stamp) = stamps.stamp(key - lower) else { break };
                 if ONE_DEPTH {
                     // The stamps are of the visible codes' depth; a function may hide others.
                     if depth == 0.0 {
@@ -58,10 +58,10 @@ impl Weights<'_> {
         } else if let Some(footprints) = self.footprints {
             let later = footprints.later(place);
             for &splat in splats {
-                let (Some(&[red, green, blue, depth]), Some(stamp)) = (slab.look(splat), slab.stamp(splat)) else {
+                let (Some(&[red, green, blue, depth]), Some(key)) = (slab.look(splat), slab.weight_key(splat)) else {
                     break;
                 };
-                let weights = footprints.weights(stamp + later);
+                let weights = footprints.weights(key + later);
                 is_open = tile.blend::<B>(&amounts::<B>(weights, depth), [red, green, blue], stop);
                 if !is_open {
                     break;
@@ -74,7 +74,7 @@ impl Weights<'_> {
             let kernels = (is_displaced && are_many).then(|| self.lattice.kernels(place));
             let mut amounts = [[0.0; TILE_PIXELS]; FEW];
             'splats: for few in splats.chunks(FEW) {
-                let shape = |splat| Some(slab.stamp(splat)? as usize % SHAPES);
+                let shape = |splat| Some(slab.weight_key(splat)? as usize % SHAPES);
                 let count = match &kernels {
                     None if is_displaced => {
                         let rays_of = |splat| Some(TileRays::new(place, self.lattice.kernel(place, shape(splat)?)));
