@@ -97,11 +97,11 @@ impl Stamps {
     }
 
     /// Returns the first column of tiles that voxels between two places along the fast axis may reach, and the one after the last;
-    /// there are so many `tiles`.
+    /// `tiles` is the number of columns.
     #[inline(always)]
     pub(super) fn columns(&self, index: usize, [low, high]: [i32; 2], tiles: usize) -> [u16; 2] {
         let ([nearest, farthest], first) = (self.widest[index], self.first[index][0]);
-        // So many voxels in tiles, rounded down; exact for numbers below 2^20.
+        // The width of some voxels in tiles, rounded down; exact for numbers below 2^20.
         let tile = |voxels: i32| ((u64::from(voxels.max(0) as u32) * self.per_voxel) >> 32) as u16;
         let from = tile(low - first - farthest + self.voxels[0] - 1);
         let end = tile(high - first - nearest + self.voxels[0]);

@@ -11,12 +11,11 @@ use crate::splat::view::{PixelMap, View};
 use crate::splat::{Blending, Mode, Sampling, Settings};
 use crate::traverse::{Order, Sense, VoxelBox};
 
-/// A plane is faster if it has at most so many pixels for each sample that would be drawn otherwise. Measured:
-/// docs/studies/sampling.md.
+/// The most pixels of a plane per sample of the other way at which the plane is faster. Measured: docs/studies/sampling.md.
 const MOST_PER_SAMPLE: f64 = 4.0;
-/// A plane may be large if it has at most so many pixels for each pixel of the picture, or if at most so many are kept for the warp:
-/// they take 36 to 68 MiB.
+/// The most pixels of a plane per pixel of the picture, unless few are kept for the warp.
 const MOST_PER_PIXEL: f64 = 6.5;
+/// The most kept pixels that are few: they take 36 to 68 MiB.
 const FEW_PIXELS: f64 = 2_097_152.0;
 /// Least distance between voxels, in pixels of the picture, at which a perspective x-ray is drawn on a plane: nothing
 /// hides a voxel there, and smaller footprints are drawn faster on the picture's own pixels.

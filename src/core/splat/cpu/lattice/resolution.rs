@@ -20,9 +20,10 @@ const PER_PIXEL: f64 = 1.35;
 /// which on they are.
 const PER_FILTERED_PIXEL: f64 = 1.6;
 const SHARP: f64 = 1.3;
-/// A face along the grid is seen edge-on if rays pass at least so many slices within one voxel beside it. Its outline is that of
-/// the optical depths of all these voxels together, up to the most: it is hardly sharper where they are deeper.
+/// Least number of slices that a ray must pass within one voxel of a face for the face to be seen edge-on.
 const LEAST_BEHIND: f64 = 12.0;
+/// The most optical depth for which the outline of such a face is computed. The outline is that of the depths of all these voxels
+/// together, and is hardly sharper where they are deeper.
 const MOST_BEHIND: f64 = 48.0;
 /// Sharpness of such an outline per standard deviation of the kernel that its depth reaches out. Measured: docs/studies/sampling.md.
 const EDGE_ON: f64 = 0.7;
