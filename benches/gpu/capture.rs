@@ -1,7 +1,7 @@
 //! The splats of a frame, read from the renderer's buffers chunk by chunk, and the work of its stages.
 
 use adjsplat::internals::gpu_stages::Probe;
-use adjsplat::internals::gpu_stages::{BATCH, FrameUniform, SUMMARY_WORDS, Splat, TILE, VisitedVoxel};
+use adjsplat::internals::gpu_stages::{BATCH, FrameUniform, SUMMARY_WORDS, Splat, TILE_SIDE, VisitedVoxel};
 use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, GpuStats};
 use adjsplat::splat::{Camera, Frame, Settings, View};
 
@@ -65,7 +65,7 @@ pub(crate) fn capture(gpu: &Gpu, subject: &BenchScene, camera: &Camera, settings
         work.lines += probe.blocks.iter().map(|block| u64::from(block.line_count)).sum::<u64>();
         work.chunks += 1;
         let [left, top, right, bottom] = probe.uniform.window;
-        let tiles = [right - left, bottom - top].map(|side| side.cast_unsigned().div_ceil(TILE) as usize);
+        let tiles = [right - left, bottom - top].map(|side| side.cast_unsigned().div_ceil(TILE_SIDE) as usize);
         let words = tiles[0] * tiles[1] * probe.uniform.mask_words as usize;
         let masks: Vec<u32> = gpu.read(probe.masks.expect("tiles have masks"), words);
         // The shader does not read words beyond the chunk's batches.

@@ -12,7 +12,7 @@ use signal_hook::iterator::Signals;
 use super::print_note;
 use adjsplat::file::abandon_writes;
 
-/// Bytes of a page of memory; at most so many on systems where it varies.
+/// Bytes of a page of memory; the most, on systems where they vary.
 const PAGE: u64 = if cfg!(target_arch = "x86_64") { 1 << 12 } else { 1 << 16 };
 
 /// Makes a file that is cut while it is read an error: one line, exit code 2, no temporary file.

@@ -14,7 +14,7 @@ use adjsplat::arena::layout::{Facts, LevelLimits};
 use adjsplat::arena::{Arena, Lane, LaneSet};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::{IN_FLIGHT, level_settings, stored_transfer};
+use adjsplat::internals::{IN_FLIGHT, PIXEL_BYTES, level_settings, stored_transfer};
 use adjsplat::splat::cpu;
 use adjsplat::splat::cpu::Canvas;
 use adjsplat::splat::{Blending, Camera, Lanes, Projection, Settings, View};
@@ -31,8 +31,6 @@ const GROWTH: u64 = 6 << 20;
 const BETWEEN_RUNS: u64 = 2 << 20;
 /// Fewest bytes of the file's pages that may be resident: with fewer, page faults take longer than drawing.
 const LEAST_RESIDENT: u64 = 4 << 20;
-/// Bytes of a pixel.
-const PIXEL: u64 = 4 * size_of::<f32>() as u64;
 /// Bytes needed to derive a lane, per byte of the lane along x: the lane, its copy while it grows, and a strip.
 const DERIVING: u64 = 3;
 
@@ -87,11 +85,11 @@ impl MemoryShares {
         let is_mixed = settings.level.is_none()
             && cameras.iter().any(|camera| matches!(camera.projection(), Projection::Perspective { .. }));
         let parts = match drawn.iter().any(|(level, _)| *level > 0) {
-            true if is_mixed => pixels.max(cpu::MIXED_SAMPLES) * (3 * PIXEL + 4),
-            true => pixels * (PIXEL + 4),
+            true if is_mixed => pixels.max(cpu::MIXED_SAMPLES) * (3 * PIXEL_BYTES + 4),
+            true => pixels * (PIXEL_BYTES + 4),
             false => 0,
         };
-        let measuring = if is_chosen { pixels * PIXEL } else { 0 };
+        let measuring = if is_chosen { pixels * PIXEL_BYTES } else { 0 };
         let base = BASE.max(resident_bytes().unwrap_or(0) + GROWTH);
         let need = |threads: usize| {
             let settings = settings.clone().with_threads(threads);

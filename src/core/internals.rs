@@ -2,6 +2,7 @@
 
 pub use crate::model::{drawable, missing_values, stored_transfer};
 pub use crate::parallel::in_order;
+pub use crate::splat::cpu::memory::PIXEL_BYTES;
 pub use crate::splat::kernel::{LOW_PASS, REACH, narrowest_sigma};
 pub use crate::splat::levels::{LevelPart, drawn_levels, level_order, level_parts, level_settings};
 pub use crate::splat::setup::FrameSetup;
@@ -34,7 +35,7 @@ pub mod gpu_stages {
     pub use crate::splat::gpu::layout::{
         AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING, SUMMARY_WORDS,
     };
-    pub use crate::splat::gpu::layout::{Splat, TILE, VisitedVoxel};
+    pub use crate::splat::gpu::layout::{Splat, TILE_SIDE, VisitedVoxel};
     pub use crate::splat::gpu::probe::{Probe, ProbeCallback};
     pub use crate::splat::gpu::stages::{BlendMode, SHADERS};
 }

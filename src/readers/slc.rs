@@ -170,7 +170,7 @@ pub(super) struct SliceRuns<R> {
 enum Run {
     /// The next samples of the file.
     Stored(u64),
-    /// A sample so many times.
+    /// The number of times that a sample is repeated, and the sample.
     Repeated(u64, u8),
 }
 

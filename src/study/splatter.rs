@@ -26,7 +26,7 @@ pub(crate) struct Splatter<'a> {
     projectors: Vec<Projector<'a>>,
     /// For each value code (stored number of a value), its colour and optical depth.
     looks: [Look; 256],
-    nesting: [usize; 3],
+    slow_medium_fast: [usize; 3],
     drawing: bool,
     splats: Box<Splats>,
     tiles: TileBuffer,
@@ -84,7 +84,7 @@ impl Splatter<'_> {
 
     #[inline(always)]
     fn put(&mut self, place: usize, position: [f64; 3], look: Look) {
-        for (array, axis) in self.block.at.iter_mut().zip(self.nesting) {
+        for (array, axis) in self.block.at.iter_mut().zip(self.slow_medium_fast) {
             array[place] = position[axis];
         }
         self.block.looks[place] = look;
@@ -190,7 +190,7 @@ pub(crate) fn splat(
     let rect = Rect { x0: 0, y0: 0, x1: columns, y1: rows };
     let mut splatter = Splatter {
         looks,
-        nesting: projector.nesting,
+        slow_medium_fast: projector.slow_medium_fast,
         projectors: vec![projector],
         drawing,
         splats: Splats::new(),
@@ -208,6 +208,6 @@ pub(crate) fn splat(
     };
     feed(&mut splatter)?;
     splatter.flush();
-    let band = BandResult { pixels: splatter.tiles, stats: BandStats::default() };
+    let band = BandResult { tiles: splatter.tiles, stats: BandStats::default() };
     Ok(assemble(&[band], &settings, &table)?.0)
 }

@@ -6,7 +6,7 @@ use egui::Context;
 #[cfg(target_arch = "wasm32")]
 use std::sync::Arc;
 
-use crate::open::Place;
+use crate::open::FilePlace;
 
 /// What a file is chosen for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,7 +35,7 @@ impl Purpose {
 pub(crate) struct NoDialog;
 
 /// What was chosen: several places only to open them, none if the dialog was cancelled.
-type Choice = Result<Vec<Place>, NoDialog>;
+type Choice = Result<Vec<FilePlace>, NoDialog>;
 
 /// A dialog that is open.
 pub(crate) struct Dialog {
@@ -91,7 +91,7 @@ async fn choose(purpose: Purpose) -> Choice {
             .save_file()
             .map(|path| vec![path]),
     })?;
-    Ok(Place::together(paths.unwrap_or_default()))
+    Ok(FilePlace::together(paths.unwrap_or_default()))
 }
 
 /// Whether rfd could show a dialog. It returns the same for a dialog that was cancelled; only its log tells.
@@ -159,17 +159,17 @@ mod failures {
 #[cfg(target_arch = "wasm32")]
 async fn choose(purpose: Purpose) -> Choice {
     Ok(match purpose {
-        Purpose::OpenFile => Place::together(crate::page::choose("", true).await),
-        Purpose::OpenFolder => crate::page::choose_folder().await.map(Place::folder).into_iter().collect(),
+        Purpose::OpenFile => FilePlace::together(crate::page::choose("", true).await),
+        Purpose::OpenFolder => crate::page::choose_folder().await.map(FilePlace::folder).into_iter().collect(),
         Purpose::LoadTransfer => {
             let mut places = Vec::new();
             for file in crate::page::choose(".json,.ctbl", false).await {
                 let bytes = crate::page::read(&file).await;
-                places.extend(bytes.map(|bytes| Place::Bytes(file.name(), Arc::new(bytes))));
+                places.extend(bytes.map(|bytes| FilePlace::Bytes(file.name(), Arc::new(bytes))));
             }
             places
         }
-        Purpose::SavePicture => vec![Place::Path("picture.png".into())],
-        Purpose::SaveTransfer => vec![Place::Path("transfer.json".into())],
+        Purpose::SavePicture => vec![FilePlace::Path("picture.png".into())],
+        Purpose::SaveTransfer => vec![FilePlace::Path("transfer.json".into())],
     })
 }

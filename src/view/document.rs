@@ -10,9 +10,9 @@ use egui::Context;
 use crate::draw::{Canvas, Painter, Renderer};
 use crate::editor::ui::EditorState;
 use crate::editor::{Edited, History, StoredValues};
-use crate::look::{Eye, Look};
+use crate::look::{Eye, ViewLook};
 use crate::navigate::Motion;
-use crate::open::{Opened, Place, Wish};
+use crate::open::{FilePlace, Opened, Wish};
 use crate::pick::{Picked, Ray};
 
 /// An open file.
@@ -20,7 +20,7 @@ pub struct Document {
     /// The name on the tab.
     pub title: String,
     /// The file that the model lies in; of a volume, the volume's.
-    pub place: Place,
+    pub place: FilePlace,
     /// Whether that is an .adj file.
     pub is_adj: bool,
     /// Of a file on a server: the bytes that were fetched when it was opened, and those of the whole file.
@@ -34,7 +34,7 @@ pub struct Document {
     /// How often each value is stored.
     pub stored: StoredValues,
     /// What is shown.
-    pub look: Look,
+    pub look: ViewLook,
     /// The transfer function and its earlier states.
     pub edits: History<Edited>,
     /// The state before the change that goes on.
@@ -64,10 +64,10 @@ impl Document {
     /// Begins to show what was opened, over a background of this colour, drawn by `renderer`.
     ///
     /// # Errors
-    /// The errors of [`Look::first`].
+    /// The errors of [`ViewLook::first`].
     pub fn new(context: &Context, opened: Opened, background: [u8; 3], renderer: Renderer) -> Result<Document> {
         let Opened { place, is_adj, model, stored, fetched, extent, unit, remote } = opened;
-        let look = Look::first(&model, extent, background, [800, 800])?;
+        let look = ViewLook::first(&model, extent, background, [800, 800])?;
         let edited = Edited::of(model.transfer(), &stored);
         Ok(Document {
             title: place.name(),

@@ -26,7 +26,7 @@ use web_sys::{AbortController, ReadableStreamDefaultReader, Request, RequestInit
 
 use crate::builder::{self, Volume};
 use crate::folder::Folder;
-use crate::open::{Chosen, Opened, Phase, Place, Progress, model_of};
+use crate::open::{Chosen, FilePlace, Opened, Phase, Progress, model_of};
 use crate::remote::{PARTS, Reading, Remote, Source};
 
 /// How long a server may send nothing, in milliseconds.
@@ -34,7 +34,7 @@ const PATIENCE: i32 = 60_000;
 
 /// Opens the file at an address.
 pub(crate) async fn open_address(
-    place: &Place,
+    place: &FilePlace,
     address: &str,
     progress: &Progress,
     context: &Context,
@@ -69,7 +69,7 @@ pub(crate) async fn open_address(
 
 /// Opens files that were chosen or dropped.
 pub(crate) async fn open_chosen(
-    place: &Place,
+    place: &FilePlace,
     chosen: &Chosen,
     progress: &Progress,
     context: &Context,
@@ -89,7 +89,7 @@ pub(crate) async fn open_chosen(
 
 /// Opens a folder that was chosen or dropped.
 pub(crate) async fn open_folder(
-    place: &Place,
+    place: &FilePlace,
     folder: &Folder,
     progress: &Progress,
     context: &Context,
@@ -108,7 +108,7 @@ pub(crate) async fn open_folder(
 }
 
 /// Builds a volume, and opens what was built.
-async fn build(place: &Place, volume: Volume, progress: &Progress, context: &Context) -> Result<Opened> {
+async fn build(place: &FilePlace, volume: Volume, progress: &Progress, context: &Context) -> Result<Opened> {
     let name = place.name();
     let built = OnDisk::new(place, builder::build(&name, volume, progress, context).await?);
     let (head, whole) = (built.head().await?, built.whole());
@@ -127,7 +127,7 @@ struct File<'a> {
 }
 
 async fn open(
-    place: &Place,
+    place: &FilePlace,
     file: File<'_>,
     source: impl Source + 'static,
     progress: &Progress,
@@ -244,7 +244,7 @@ struct OnDisk {
 }
 
 impl OnDisk {
-    fn new(place: &Place, file: web_sys::File) -> OnDisk {
+    fn new(place: &FilePlace, file: web_sys::File) -> OnDisk {
         OnDisk { file: SendWrapper::new(file), name: place.name() }
     }
 

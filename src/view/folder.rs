@@ -10,7 +10,7 @@ use wasm_bindgen::{JsCast as _, JsValue};
 use wasm_bindgen_futures::JsFuture;
 use web_sys::{DataTransfer, File, FileSystemDirectoryEntry, FileSystemEntry, FileSystemFileEntry};
 
-use crate::open::{Phase, Place, Progress};
+use crate::open::{FilePlace, Phase, Progress};
 
 /// The largest number of files that a folder may hold: more take a browser minutes.
 const MOST_FILES: usize = 100_000;
@@ -128,7 +128,7 @@ impl Folder {
 }
 
 /// Returns what is to be opened of files and folders that were dropped together: each folder by itself.
-pub(crate) fn dropped(dropped: &DataTransfer) -> Vec<Place> {
+pub(crate) fn dropped(dropped: &DataTransfer) -> Vec<FilePlace> {
     let items = dropped.items();
     let (mut folders, mut files) = (Vec::new(), Vec::new());
     for item in (0..items.length()).filter_map(|index| items.get(index)).filter(|item| item.kind() == "file") {
@@ -139,7 +139,7 @@ pub(crate) fn dropped(dropped: &DataTransfer) -> Vec<Place> {
             _ => files.extend(item.get_as_file().ok().flatten()),
         }
     }
-    folders.into_iter().map(Place::folder).chain(Place::together(files)).collect()
+    folders.into_iter().map(FilePlace::folder).chain(FilePlace::together(files)).collect()
 }
 
 /// Returns what a function of the browser answers, which calls the first function with its result, or the second with a fault.

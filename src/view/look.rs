@@ -192,7 +192,7 @@ pub struct Clip {
 
 /// What a view shows, and from where.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Look {
+pub struct ViewLook {
     /// The eye.
     pub eye: Eye,
     /// What a pixel shows of its ray.
@@ -209,17 +209,17 @@ pub struct Look {
     pub background: [u8; 3],
 }
 
-impl Look {
+impl ViewLook {
     /// Returns the first look at a model, whose voxels lie in `extent`: from the front and above, over a background of this
     /// colour.
     ///
     /// # Errors
     /// The errors of [`Eye::around`].
-    pub fn first(model: &Model, extent: Option<VoxelBox>, background: [u8; 3], size: [u32; 2]) -> Result<Look> {
+    pub fn first(model: &Model, extent: Option<VoxelBox>, background: [u8; 3], size: [u32; 2]) -> Result<ViewLook> {
         let side = Side { name: "", azimuth: 30.0, elevation: 20.0 };
         let eye = Eye::around(model, extent, side, Up::default(), None, size)?;
         let mode = Mode::Composite;
-        Ok(Look { eye, mode, is_lit: true, sharpness: 0.0, crop: None, clip: None, background })
+        Ok(ViewLook { eye, mode, is_lit: true, sharpness: 0.0, crop: None, clip: None, background })
     }
 
     /// Returns the settings for a picture of `size` pixels.

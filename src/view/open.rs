@@ -28,7 +28,7 @@ use crate::remote::Remote;
 
 /// Where a file is.
 #[derive(Debug, Clone)]
-pub enum Place {
+pub enum FilePlace {
     /// On this machine.
     Path(PathBuf),
     /// On a server, at this address. Only a page opens it.
@@ -56,61 +56,61 @@ pub struct Chosen {
     pub(crate) count: usize,
 }
 
-impl Place {
+impl FilePlace {
     /// Returns what is to be opened of files and folders of this machine that were dropped or chosen together: each folder by itself.
     #[cfg(not(target_arch = "wasm32"))]
-    pub(crate) fn together(paths: Vec<PathBuf>) -> Vec<Place> {
+    pub(crate) fn together(paths: Vec<PathBuf>) -> Vec<FilePlace> {
         let place = |mut paths: Vec<PathBuf>| match paths.len() {
-            1 => Place::Path(paths.remove(0)),
-            _ => Place::Slices(paths),
+            1 => FilePlace::Path(paths.remove(0)),
+            _ => FilePlace::Slices(paths),
         };
         let (folders, files): (Vec<_>, Vec<_>) = paths.into_iter().partition(|path| path.is_dir());
-        folders.into_iter().map(Place::Path).chain(groups(files, PathBuf::clone).into_iter().map(place)).collect()
+        folders.into_iter().map(FilePlace::Path).chain(groups(files, PathBuf::clone).into_iter().map(place)).collect()
     }
 
     /// Returns what is to be opened of files that were dropped or chosen together in a browser. All lie beside one another, as far
     /// as their names differ.
     #[cfg(target_arch = "wasm32")]
-    pub(crate) fn together(files: Vec<web_sys::File>) -> Vec<Place> {
+    pub(crate) fn together(files: Vec<web_sys::File>) -> Vec<FilePlace> {
         let files: Vec<_> = files.into_iter().map(|file| (file.name(), file)).collect();
         let place = |opened: Vec<(String, web_sys::File)>| {
             let names: BTreeSet<&str> = opened.iter().map(|(name, _)| name.as_str()).collect();
             let others = files.iter().filter(|(name, _)| !names.contains(name.as_str()));
             let all = opened.iter().chain(others).map(|(_, file)| file.clone()).collect();
-            Place::Chosen(Arc::new(SendWrapper::new(Chosen { files: all, count: opened.len() })))
+            FilePlace::Chosen(Arc::new(SendWrapper::new(Chosen { files: all, count: opened.len() })))
         };
         groups(files.clone(), |(name, _)| name.into()).into_iter().map(place).collect()
     }
 
     /// Returns the place of a folder that was dropped or chosen in a browser.
     #[cfg(target_arch = "wasm32")]
-    pub(crate) fn folder(folder: Folder) -> Place {
-        Place::Folder(Arc::new(SendWrapper::new(folder)))
+    pub(crate) fn folder(folder: Folder) -> FilePlace {
+        FilePlace::Folder(Arc::new(SendWrapper::new(folder)))
     }
 
     /// Returns the name of the file, without folders.
     pub fn name(&self) -> String {
         match self {
-            Place::Path(path) => file_name(path),
-            Place::Address(address) => {
+            FilePlace::Path(path) => file_name(path),
+            FilePlace::Address(address) => {
                 let path = address.split(['?', '#']).next().unwrap_or_default();
                 shortened(&decoded(path.rsplit('/').next().unwrap_or_default()))
             }
-            Place::Bytes(name, _) => name.clone(),
+            FilePlace::Bytes(name, _) => name.clone(),
             #[cfg(not(target_arch = "wasm32"))]
-            Place::Slices(paths) => {
+            FilePlace::Slices(paths) => {
                 several(paths.first().map_or_else(String::new, |path| file_name(path)), paths.len())
             }
             #[cfg(target_arch = "wasm32")]
-            Place::Chosen(chosen) => several(chosen.files[0].name(), chosen.count),
+            FilePlace::Chosen(chosen) => several(chosen.files[0].name(), chosen.count),
             #[cfg(target_arch = "wasm32")]
-            Place::Folder(folder) => folder.name().to_owned(),
+            FilePlace::Folder(folder) => folder.name().to_owned(),
         }
     }
 
     /// Returns the path, if the file is on this machine.
     pub fn path(&self) -> Option<&std::path::Path> {
-        if let Place::Path(path) = self { Some(path) } else { None }
+        if let FilePlace::Path(path) = self { Some(path) } else { None }
     }
 }
 
@@ -189,7 +189,7 @@ pub struct Wish {
 
 /// A model that was opened.
 pub struct Opened {
-    pub(crate) place: Place,
+    pub(crate) place: FilePlace,
     pub(crate) is_adj: bool,
     pub(crate) model: Model,
     pub(crate) stored: StoredValues,
@@ -204,7 +204,7 @@ pub struct Opened {
 }
 
 impl Opened {
-    pub(crate) fn new(place: &Place, model: Model, is_adj: bool, fetched: Option<[u64; 2]>) -> Result<Opened> {
+    pub(crate) fn new(place: &FilePlace, model: Model, is_adj: bool, fetched: Option<[u64; 2]>) -> Result<Opened> {
         let stored = StoredValues::of(&model)?;
         let (extent, unit) = (model.bounds()?, unit_of(&model));
         Ok(Opened { place: place.clone(), is_adj, model, stored, fetched, extent, unit, remote: None })
@@ -225,7 +225,7 @@ fn unit_of(model: &Model) -> Option<String> {
 /// A file that is being opened.
 pub struct Opening {
     /// The file.
-    pub place: Place,
+    pub place: FilePlace,
     /// How it is to be shown.
     pub wish: Wish,
     progress: Arc<Progress>,
@@ -298,7 +298,7 @@ const PHASES: [&str; 7] =
 
 impl Opening {
     /// Begins to open a file that is to be shown as `wish` says.
-    pub fn begin(place: Place, wish: Wish, context: &Context) -> Opening {
+    pub fn begin(place: FilePlace, wish: Wish, context: &Context) -> Opening {
         let (sender, result) = channel();
         let progress = Arc::new(Progress::default());
         let (own_place, own_progress, context) = (place.clone(), progress.clone(), context.clone());
@@ -332,24 +332,24 @@ impl Opening {
 }
 
 /// Opens a file.
-async fn open(place: &Place, progress: &Progress, context: &Context) -> Result<Opened> {
+async fn open(place: &FilePlace, progress: &Progress, context: &Context) -> Result<Opened> {
     progress.set(Phase::Opening, 0, 1)?;
     let (model, is_adj) = match place {
         #[cfg(not(target_arch = "wasm32"))]
-        Place::Path(path) => crate::local::open(path, progress, context)?,
+        FilePlace::Path(path) => crate::local::open(path, progress, context)?,
         #[cfg(target_arch = "wasm32")]
-        Place::Path(path) => return Err(Error::input(path.display().to_string(), "is no address on a server")),
+        FilePlace::Path(path) => return Err(Error::input(path.display().to_string(), "is no address on a server")),
         #[cfg(target_arch = "wasm32")]
-        Place::Address(address) => return crate::fetch::open_address(place, address, progress, context).await,
+        FilePlace::Address(address) => return crate::fetch::open_address(place, address, progress, context).await,
         #[cfg(not(target_arch = "wasm32"))]
-        Place::Address(address) => return Err(Error::input(address, "is opened by the page, not by the desktop")),
-        Place::Bytes(name, bytes) => (model_of(name, bytes.to_vec())?, true),
+        FilePlace::Address(address) => return Err(Error::input(address, "is opened by the page, not by the desktop")),
+        FilePlace::Bytes(name, bytes) => (model_of(name, bytes.to_vec())?, true),
         #[cfg(not(target_arch = "wasm32"))]
-        Place::Slices(paths) => (crate::local::build(paths, progress, context)?, false),
+        FilePlace::Slices(paths) => (crate::local::build(paths, progress, context)?, false),
         #[cfg(target_arch = "wasm32")]
-        Place::Chosen(chosen) => return crate::fetch::open_chosen(place, chosen, progress, context).await,
+        FilePlace::Chosen(chosen) => return crate::fetch::open_chosen(place, chosen, progress, context).await,
         #[cfg(target_arch = "wasm32")]
-        Place::Folder(folder) => return crate::fetch::open_folder(place, folder, progress, context).await,
+        FilePlace::Folder(folder) => return crate::fetch::open_folder(place, folder, progress, context).await,
     };
     progress.set(Phase::Counting, 0, 1)?;
     Opened::new(place, model, is_adj, None)
@@ -426,14 +426,14 @@ mod tests {
         for name in ["t1", "t2"] {
             std::fs::create_dir(path(name)).unwrap();
         }
-        let places = Place::together(["t1", "1.dcm", "t2", "2.dcm"].map(path).into());
-        let names: Vec<_> = places.iter().map(Place::name).collect();
+        let places = FilePlace::together(["t1", "1.dcm", "t2", "2.dcm"].map(path).into());
+        let names: Vec<_> = places.iter().map(FilePlace::name).collect();
         assert_eq!(names, ["t1", "t2", "1.dcm and 1 more"]);
     }
 
     #[test]
     fn a_file_at_an_address_is_called_by_its_name_without_codes_folders_and_query() {
-        let name = |address: &str| Place::Address(address.into()).name();
+        let name = |address: &str| FilePlace::Address(address.into()).name();
         assert_eq!(name("../files/ball%20%26%20shell.adj?version=2#x"), "ball & shell.adj");
         assert_eq!(name("files/t%C3%AAte.adj"), "tête.adj");
         assert_eq!(name("files/100%.adj"), "100%.adj");

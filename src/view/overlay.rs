@@ -18,17 +18,17 @@ const AXES: [(&str, Color32); 3] = [
 const REACH: f32 = 12.0;
 
 /// Where the world is on the screen.
-pub struct Projector {
+pub struct ScreenMap {
     rect: Rect,
     eye: Eye,
     axes: [DVec3; 3],
     position: DVec3,
 }
 
-impl Projector {
+impl ScreenMap {
     /// Creates the map of a view in `rect`.
-    pub fn new(eye: &Eye, rect: Rect) -> Projector {
-        Projector { rect, eye: *eye, axes: eye.axes(), position: eye.position() }
+    pub fn new(eye: &Eye, rect: Rect) -> ScreenMap {
+        ScreenMap { rect, eye: *eye, axes: eye.axes(), position: eye.position() }
     }
 
     /// Returns where a world point is seen; `None` if it is behind the eye.
@@ -108,7 +108,7 @@ pub fn round_length(length: f64) -> f64 {
 pub fn crop_box(
     ui: &Ui,
     view: &Response,
-    projector: &Projector,
+    screen_map: &ScreenMap,
     grid: &Grid,
     crop: &mut VoxelBox,
     held: &mut Option<usize>,
@@ -117,7 +117,7 @@ pub fn crop_box(
     let ends = |crop: &VoxelBox| [0, 1, 2].map(|a| [f64::from(crop.low[a]) - 0.5, f64::from(crop.high[a]) + 0.5]);
     let corner = |index: usize| {
         let ends = ends(crop);
-        projector.place(frame.world_from_voxel([0, 1, 2].map(|a| ends[a][index >> a & 1])))
+        screen_map.place(frame.world_from_voxel([0, 1, 2].map(|a| ends[a][index >> a & 1])))
     };
     let painter = ui.painter_at(view.rect);
     let colour = ui.visuals().selection.stroke.color;
@@ -136,7 +136,7 @@ pub fn crop_box(
         at[face / 2] = ends[face / 2][face % 2];
         frame.world_from_voxel(at)
     };
-    let handles: Vec<Option<Pos2>> = (0..6).map(|face| projector.place(middle(face, crop))).collect();
+    let handles: Vec<Option<Pos2>> = (0..6).map(|face| screen_map.place(middle(face, crop))).collect();
     let pointer = view.hover_pos().or(view.interact_pointer_pos());
     let near = |at: Pos2| {
         let far = |face: &usize| handles[*face].map_or(f32::MAX, |handle| handle.distance(at));
@@ -150,7 +150,7 @@ pub fn crop_box(
         *held = None;
     }
     if let Some(face) = *held {
-        drag_face(view, projector, &frame, grid, crop, face, middle(face, crop));
+        drag_face(view, screen_map, &frame, grid, crop, face, middle(face, crop));
     }
     for (face, handle) in handles.iter().enumerate() {
         if let Some(at) = handle {
@@ -167,7 +167,7 @@ pub fn crop_box(
 /// Moves a face along its axis by what the pointer moved along the axis on the screen.
 fn drag_face(
     view: &Response,
-    projector: &Projector,
+    screen_map: &ScreenMap,
     frame: &WorldFrame,
     grid: &Grid,
     crop: &mut VoxelBox,
@@ -175,7 +175,7 @@ fn drag_face(
     middle: DVec3,
 ) {
     let (axis, is_high) = (face / 2, face % 2 == 1);
-    let places = [middle, middle + frame.steps[axis]].map(|at| projector.place(at));
+    let places = [middle, middle + frame.steps[axis]].map(|at| screen_map.place(at));
     let ([Some(from), Some(to)], Some(pointer)) = (places, view.interact_pointer_pos()) else { return };
     let step: Vec2 = to - from;
     if step.length_sq() < 1e-4 {
@@ -222,10 +222,10 @@ mod tests {
     fn a_ray_goes_through_what_is_seen_there() {
         let rect = Rect::from_min_size(pos2(10.0, 20.0), vec2(640.0, 480.0));
         for fov in [None, Some(30.0), Some(75.0)] {
-            let projector = Projector::new(&eye(fov), rect);
-            for world in [DVec3::new(1.0, 2.0, 3.0), DVec3::new(9.0, -8.0, 12.0), projector.eye.target] {
-                let at = projector.place(world).unwrap();
-                let (origin, direction) = projector.ray(at);
+            let screen_map = ScreenMap::new(&eye(fov), rect);
+            for world in [DVec3::new(1.0, 2.0, 3.0), DVec3::new(9.0, -8.0, 12.0), screen_map.eye.target] {
+                let at = screen_map.place(world).unwrap();
+                let (origin, direction) = screen_map.ray(at);
                 let along = (world - origin).dot(direction);
                 assert!((world - origin - direction * along).length() < 1e-4, "{fov:?} {world}");
             }

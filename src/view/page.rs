@@ -23,7 +23,7 @@ use crate::app::Viewer;
 use crate::document::Document;
 use crate::draw::{Completeness, Renderer};
 use crate::folder::{self, Folder};
-use crate::open::{Place, Wish};
+use crate::open::{FilePlace, Wish};
 use crate::recent::RecentFiles;
 
 /// Begins to show the viewer on a canvas. Its promise fails with a sentence for the user if that is not possible.
@@ -37,7 +37,7 @@ pub async fn start(canvas: HtmlCanvasElement) -> std::result::Result<(), JsValue
     let create: eframe::AppCreator<'static> = Box::new(move |creation| {
         let mut window = Window::new(creation, &[], RecentFiles::default(), Renderer::Device);
         if let Some(address) = file {
-            window.0.open_as(&creation.egui_ctx, Place::Address(address), wish);
+            window.0.open_as(&creation.egui_ctx, FilePlace::Address(address), wish);
         }
         Ok(Box::new(window))
     });
@@ -56,13 +56,13 @@ fn listen_for_drops(canvas: &HtmlCanvasElement) -> std::result::Result<(), JsVal
 }
 
 /// Returns what was dropped since the last call.
-pub(crate) fn dropped() -> Vec<Place> {
+pub(crate) fn dropped() -> Vec<FilePlace> {
     DROPPED.take()
 }
 
 thread_local! {
     /// What was dropped and is not opened yet.
-    static DROPPED: RefCell<Vec<Place>> = const { RefCell::new(Vec::new()) };
+    static DROPPED: RefCell<Vec<FilePlace>> = const { RefCell::new(Vec::new()) };
     /// What is shown, as JSON, and the picture.
     static SHOWN: RefCell<(String, Option<Arc<ColorImage>>)> = const { RefCell::new((String::new(), None)) };
 }

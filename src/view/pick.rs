@@ -7,7 +7,7 @@ use adjsplat::traverse::{Viewpoint, VoxelBox};
 use adjsplat::{Model, Voxels};
 use glam::DVec3;
 
-use crate::look::{Eye, Look};
+use crate::look::{Eye, ViewLook};
 
 /// A ray hits a voxel whose centre is at most this far from it, in voxels.
 const RADIUS: f64 = 0.75;
@@ -28,7 +28,7 @@ pub struct Picked {
 /// A ray through a model that is looked at.
 pub struct Ray<'a> {
     model: &'a Model,
-    look: &'a Look,
+    look: &'a ViewLook,
     /// Where the ray starts, in voxels.
     start: DVec3,
     /// Its direction in voxels, of length 1.
@@ -37,7 +37,7 @@ pub struct Ray<'a> {
 
 impl<'a> Ray<'a> {
     /// Returns the ray from `origin` along `direction`, in the world.
-    pub fn new(model: &'a Model, look: &'a Look, origin: DVec3, direction: DVec3) -> Ray<'a> {
+    pub fn new(model: &'a Model, look: &'a ViewLook, origin: DVec3, direction: DVec3) -> Ray<'a> {
         let frame = WorldFrame::of(model.grid());
         let start = DVec3::from_array(frame.voxel_from_world_vector(origin - frame.origin));
         let along = DVec3::from_array(frame.voxel_from_world_vector(direction)).normalize();
@@ -140,7 +140,7 @@ mod tests {
         for (side, want) in [(SIDES[0], ([5, 15, 9], 200.0)), (SIDES[1], ([5, 4, 9], 100.0))] {
             for fov in [None, Some(30.0)] {
                 let eye = Eye::around(&model, model.bounds().unwrap(), side, Up::default(), fov, [100, 100]).unwrap();
-                let look = Look { eye, ..Look::first(&model, None, [0; 3], [100, 100]).unwrap() };
+                let look = ViewLook { eye, ..ViewLook::first(&model, None, [0; 3], [100, 100]).unwrap() };
                 let target = DVec3::new(5.2, f64::from(want.0[1]) * 2.0, 13.6);
                 let (origin, direction) = match fov {
                     None => (target - eye.axes()[2] * 100.0, eye.axes()[2]),

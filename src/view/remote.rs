@@ -21,7 +21,7 @@ use crate::draw::OnDevice;
 
 /// Bytes of the first part of the voxels and of the largest one; progress is shown after each.
 pub const PARTS: RangeInclusive<u64> = 256 << 10..=4 << 20;
-/// What has arrived is shown after so many seconds, and again when this time has doubled.
+/// Seconds after which what has arrived is shown for the first time, and again when this time has doubled.
 const PATIENCE: f64 = 0.7;
 
 /// What a [`Source`] reads: the bytes of each range.

@@ -14,7 +14,7 @@ use adjsplat_pictures::{Picture, PictureKind, SampleDepth, write_png};
 use egui::Context;
 
 use crate::draw::Canvas;
-use crate::look::Look;
+use crate::look::ViewLook;
 
 /// How a picture is saved.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,7 +47,7 @@ impl Saving {
     pub fn begin(
         path: &Path,
         model: &Model,
-        look: &Look,
+        look: &ViewLook,
         form: PictureForm,
         canvas: Option<&Canvas>,
         context: &Context,
@@ -96,7 +96,7 @@ impl Saving {
 pub async fn save(
     path: &Path,
     model: &Model,
-    look: &Look,
+    look: &ViewLook,
     form: PictureForm,
     canvas: Option<&Canvas>,
     step: impl Fn(usize) -> Result<()>,
@@ -156,7 +156,7 @@ pub(crate) fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> std::io
 ///
 /// # Errors
 /// The errors of the camera.
-pub fn camera_json(look: &Look) -> Result<String> {
+pub fn camera_json(look: &ViewLook) -> Result<String> {
     let camera = look.eye.camera()?;
     serde_json::to_string(&camera).map_err(|fault| Error::input("camera", fault.to_string()))
 }
@@ -167,7 +167,7 @@ pub fn camera_json(look: &Look) -> Result<String> {
 /// The errors of the camera.
 pub fn command(
     file: &Path,
-    look: &Look,
+    look: &ViewLook,
     model: &Model,
     size: [u32; 2],
     quality: Quality,

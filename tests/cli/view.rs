@@ -7,7 +7,7 @@ use adjsplat::splat::{Mode, Quality};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::{Model, TransferFunction};
 use adjsplat_view::draw::picture;
-use adjsplat_view::look::{Clip, Look};
+use adjsplat_view::look::{Clip, ViewLook};
 use adjsplat_view::save::command;
 
 use super::harness::{Folder, Runs as _, program};
@@ -31,14 +31,14 @@ fn the_copied_command_makes_the_picture_of_the_view() {
     folder.adj("build phantom:gyroid --dims 40x40x40 -o it's.adj").done();
     let file = folder.file("it's.adj");
     let model = Model::open(&file).unwrap();
-    let mut first = Look::first(&model, model.bounds().unwrap(), [40, 60, 80], [90, 70]).unwrap();
+    let mut first = ViewLook::first(&model, model.bounds().unwrap(), [40, 60, 80], [90, 70]).unwrap();
     first.eye.orbit([25.0, 10.0]);
     first.eye.zoom(1.4, [0.1, -0.2]);
-    let mut cut = Look { sharpness: 0.5, is_lit: false, ..first.clone() };
+    let mut cut = ViewLook { sharpness: 0.5, is_lit: false, ..first.clone() };
     cut.crop = Some(VoxelBox { low: [3, 0, 5], high: [30, 39, 36] });
     cut.clip = Some(Clip { normal: first.eye.axes()[2], depth: 0.4 });
     cut.eye.toggle_perspective();
-    let maximum = Look { mode: Mode::MaximumGrey, ..first.clone() };
+    let maximum = ViewLook { mode: Mode::MaximumGrey, ..first.clone() };
     let other = TransferFunction::range(120.0, 130.0).unwrap();
     for (look, transfer) in [(first, None), (cut, Some(other)), (maximum, None)] {
         let drawn = transfer.clone().map_or(model.clone(), |transfer| model.with_transfer(transfer).unwrap());

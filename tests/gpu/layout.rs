@@ -7,7 +7,7 @@ use adjsplat::arena::TileRecord;
 use adjsplat::internals::LOW_PASS;
 use adjsplat::internals::gpu_stages::SHADERS;
 use adjsplat::internals::gpu_stages::{
-    AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING, SUMMARY_WORDS, Splat, TILE,
+    AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING, SUMMARY_WORDS, Splat, TILE_SIDE,
     VisitedVoxel,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -149,7 +149,7 @@ fn shaders_and_rust_know_the_same_constants() {
     let constants = [
         ("LINES", f64::from(LINES), 1),
         ("BATCH", f64::from(BATCH), 5),
-        ("TILE", f64::from(TILE), 5),
+        ("TILE_SIDE", f64::from(TILE_SIDE), 5),
         ("SUMMARY_WORDS", f64::from(SUMMARY_WORDS), 5),
         ("NOTHING", f64::from(NOTHING), 5),
         ("NO_RECORD", f64::from(NO_RECORD), 5),

@@ -11,7 +11,7 @@ use adjsplat_tests::pictures::{alphas, decibels};
 use adjsplat_tests::real_volume;
 use adjsplat_tests::scenes::{at_least, options, phantom, red_to_blue, transfer, volume};
 
-/// A phantom with so many levels, whose voxels are all as opaque as `opacity`.
+/// A phantom with this number of `levels`, whose voxels are all as opaque as `opacity`.
 fn model(name: &str, dims: [u64; 3], spacing: [f64; 3], levels: u8, opacity: f64) -> Model {
     let options = options(red_to_blue(name, [opacity; 2]));
     let mut source = phantom(name, dims, SampleType::U8, spacing);

@@ -21,7 +21,7 @@ const CODINGS: [Coding; 3] = [Coding::Implicit, Coding::Explicit, Coding::BigEnd
 enum Value {
     /// Text or bytes, as they are.
     Bytes(Vec<u8>),
-    /// Numbers of so many bytes each, little endian here.
+    /// The number of bytes of each number, and the numbers, little endian here.
     Numbers(usize, Vec<u8>),
     /// A sequence.
     Items(Vec<Elements>),

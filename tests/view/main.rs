@@ -17,8 +17,8 @@ use adjsplat_view::background;
 use adjsplat_view::document::Document;
 use adjsplat_view::draw::{Canvas, Renderer, picture};
 use adjsplat_view::editor::Edited;
-use adjsplat_view::look::Look;
-use adjsplat_view::open::{Opening, Place, Wish};
+use adjsplat_view::look::ViewLook;
+use adjsplat_view::open::{FilePlace, Opening, Wish};
 use adjsplat_view::recent::RecentFiles;
 use adjsplat_view::save::{PictureForm, save};
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, TouchPhase, pos2, vec2};
@@ -254,7 +254,7 @@ fn a_links_wide_angle_of_view_stays() {
         let open = || {
             let mut viewer = Viewer::new(ui.ctx(), &[], RecentFiles::default(), Renderer::Processor);
             let view = Some("30,20,60,150,20,20,30".into());
-            viewer.open_as(ui.ctx(), Place::Path(file.clone()), Wish { view, transfer: None });
+            viewer.open_as(ui.ctx(), FilePlace::Path(file.clone()), Wish { view, transfer: None });
             viewer
         };
         viewer.get_or_insert_with(open).show(ui);
@@ -351,11 +351,11 @@ fn modes_crop_and_clip_change_the_picture() {
     click(&mut driven, "Clip plane");
     let Document { model, look, .. } = document(&driven);
     let (cut, stats) = picture(model, look, [200, 200], Quality::High, None).unwrap();
-    let whole = Look { clip: None, ..look.clone() };
+    let whole = ViewLook { clip: None, ..look.clone() };
     let (all, more) = picture(model, &whole, [200, 200], Quality::High, None).unwrap();
     assert!(cut.pixels != all.pixels && stats.splats != more.splats);
     for mode in [Mode::Maximum, Mode::MaximumGrey, Mode::Additive] {
-        let look = Look { mode, ..look.clone() };
+        let look = ViewLook { mode, ..look.clone() };
         assert!(picture(model, &look, [50, 50], Quality::Draft, None).unwrap().0.pixels != all.pixels);
     }
 }
@@ -375,7 +375,7 @@ fn a_volume_is_built_in_the_background() {
 #[test]
 fn cancelling_does_not_wait_for_the_work() {
     let folder = tempfile::tempdir().unwrap();
-    let opening = Opening::begin(Place::Path(file(folder.path())), Wish::default(), &egui::Context::default());
+    let opening = Opening::begin(FilePlace::Path(file(folder.path())), Wish::default(), &egui::Context::default());
     opening.cancel();
     assert!(matches!(opening.result(), Some(Err(Error::Interrupted))));
 }
@@ -413,7 +413,7 @@ fn in_a_narrow_window_messages_are_whole_and_the_view_keeps_its_size() {
     let context = driven.ctx.clone();
     // The file may be refused before a frame shows that it is opened; then it is opened again.
     let is_shown = (0..50).any(|_| {
-        driven.state_mut().as_mut().unwrap().open(&context, Place::Path(absent.clone()));
+        driven.state_mut().as_mut().unwrap().open(&context, FilePlace::Path(absent.clone()));
         driven.step();
         driven.query_by_label("Cancel").is_some()
     });
@@ -446,7 +446,7 @@ fn two_files_are_tabs_and_can_be_linked_side_by_side() {
 fn saved_pictures_have_their_size_and_a_turn_its_frames() {
     let folder = tempfile::tempdir().unwrap();
     let model = Model::open(file(folder.path())).unwrap();
-    let look = Look::first(&model, model.bounds().unwrap(), [10, 20, 30], [64, 48]).unwrap();
+    let look = ViewLook::first(&model, model.bounds().unwrap(), [10, 20, 30], [64, 48]).unwrap();
     let form =
         PictureForm { size: [64, 48], is_transparent: false, is_deep: true, quality: Quality::Standard, frames: 1 };
     let save = |name: &str, form| {

@@ -15,7 +15,7 @@ use adjsplat::{Build, Model, TransferFunction};
 use adjsplat_tests::files::skipped;
 use adjsplat_view::draw::{Canvas, Completeness};
 use adjsplat_view::editor::StoredValues;
-use adjsplat_view::look::{Eye, Look};
+use adjsplat_view::look::{Eye, ViewLook};
 use adjsplat_view::pick::Ray;
 use adjsplat_view::remote::{Reading, Remote, Source};
 use egui::Context;
@@ -63,8 +63,8 @@ impl Source for Memory {
     }
 }
 
-fn look(model: &Model, azimuth: f64, elevation: f64) -> Look {
-    let mut look = Look::first(model, model.bounds().unwrap(), [20, 30, 40], SIZE).unwrap();
+fn look(model: &Model, azimuth: f64, elevation: f64) -> ViewLook {
+    let mut look = ViewLook::first(model, model.bounds().unwrap(), [20, 30, 40], SIZE).unwrap();
     (look.eye.azimuth, look.eye.elevation) = (azimuth, elevation);
     look
 }
@@ -96,7 +96,7 @@ fn lanes_are_fetched_when_a_picture_needs_them_and_others_stand_in_meanwhile() {
     let memory = Memory::new(&path, Duration::from_millis(150));
     let remote = memory.remote();
     let (canvas, judge) = (Canvas::new(Some(remote.clone())), Canvas::default());
-    let picture = |canvas: &Canvas, model: &Model, look: &Look| {
+    let picture = |canvas: &Canvas, model: &Model, look: &ViewLook| {
         pollster::block_on(canvas.picture(model, look, SIZE, Quality::Standard)).unwrap().unwrap().0
     };
     let model = remote.model().unwrap();

@@ -37,7 +37,7 @@ const POINTS_AT_ONCE: u32 = 1 << 15;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Levels {
-    /// So many, or fewer if the grid allows no more; 0 for none, at most [`MOST_LEVELS`].
+    /// This number, at most [`MOST_LEVELS`], or fewer if the grid allows no more; 0 for none.
     Count(u8),
     /// As many as are of use: each is made of a level with at least 63 points along its longest axis and at least 4,096
     /// voxels, and has at most nine tenths of these voxels.
@@ -244,7 +244,7 @@ pub struct CoarserRows<'a> {
 
 impl<'a> CoarserRows<'a> {
     /// Creates the level above `rows`, whose spacings are `spacing` and of which `factors` points along each axis, 1 or 2,
-    /// become one. So many `threads` will read.
+    /// become one. `threads`: the number of threads that will read.
     pub fn new(
         rows: &'a dyn Rows,
         spacing: [f64; 3],

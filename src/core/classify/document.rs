@@ -126,7 +126,7 @@ fn few<'de, D: Deserializer<'de>, T: Deserialize<'de>>(source: D) -> Result<Opti
     source.deserialize_option(UpTo(MAX_CONTOURS, PhantomData))
 }
 
-/// Reads null or a list of at most so many items; a longer one is refused before it takes more memory.
+/// Reads null or a list of at most this number of items; a longer one is refused before it takes more memory.
 struct UpTo<T>(usize, PhantomData<T>);
 
 impl<'de, T: Deserialize<'de>> Visitor<'de> for UpTo<T> {

@@ -66,7 +66,7 @@ impl Rows for RowsWithin<'_> {
     }
 }
 
-/// Reads `region` of `rows`, and passes the rows on with their coordinates moved `by` so many points along x, y, z.
+/// Reads `region` of `rows`, and passes the rows on with their coordinates moved `by` this number of points along x, y, z.
 fn read_moved(rows: &dyn Rows, region: Region, by: [i64; 3], row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()> {
     let moved =
         |coordinate: u16, a: usize| u16::try_from(i64::from(coordinate) + by[a]).expect("stays inside the grid");

@@ -61,7 +61,7 @@ pub(super) fn allowed(partitions: &[Partition], levels: &[Level]) -> usize {
 /// Returns the number of levels that bricks hold if `wanted` are asked for.
 ///
 /// # Errors
-/// [`Error::Input`] if so many are asked for that bricks would share blocks.
+/// [`Error::Input`] if `wanted` is a number with which bricks would share blocks.
 pub(super) fn held(wanted: Levels, whole: &Facts, partitions: &[Partition]) -> Result<u8> {
     let of_grid = match wanted {
         Levels::Count(count) => levels_of(whole, count),

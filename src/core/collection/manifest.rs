@@ -87,7 +87,8 @@ pub(super) fn fingerprint(number: u64) -> String {
 }
 
 impl Manifest {
-    /// Creates the manifest of bricks with the codes of `facts`, so many lanes, and so many coarser levels. `description` is the JSON text of the joined file.
+    /// Creates the manifest of bricks with the codes of `facts`. `lanes` and `levels`: the number of lanes and of coarser levels of each
+    /// brick. `description`: the JSON text of the joined file.
     ///
     /// # Errors
     /// [`Error::Input`] if the description is no JSON, or the bricks do not fill the grid.

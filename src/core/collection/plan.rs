@@ -52,7 +52,7 @@ pub struct Plan {
     options: BuildOptions,
     /// For each partition, one to three: most grid points of a brick along x, y, z; 0 where an axis is not cut.
     bricks: Vec<[u32; 3]>,
-    /// The preview has every so many points along each axis; `None`: as many as make it fit any machine.
+    /// Points of the whole per point of the preview, along each axis; `None` for the fewest with which it fits any machine.
     #[serde(default)]
     preview: Option<u32>,
     found: Found,
@@ -151,8 +151,9 @@ enum Stage {
 }
 
 impl Plan {
-    /// Plans bricks of at most so many points along x, y, z (0 does not cut an axis) of the volume that `header` describes:
-    /// `bricks` has a size for each partition, one to three.
+    /// Plans bricks of the volume that `header` describes.
+    ///
+    /// `bricks`: for each partition, one to three, the most points of a brick along x, y, z; 0 does not cut an axis.
     ///
     /// Bricks hold levels of detail if the options ask for some: [`Levels::Auto`] for as many as are of use to the grid and have
     /// all their blocks inside single bricks. A brick is then built from more samples around it, so that its levels are those of

@@ -35,8 +35,8 @@ const VOXELS: u64 = 1 << 24;
 pub struct PreviewEntry {
     /// The preview's file in the collection's folder.
     pub file: String,
-    /// The preview has every so many grid points along each axis, from the first on; of a level, the most points along an axis
-    /// that one of it stands for.
+    /// Number of the whole's grid points per point of the preview, along each axis. The preview has every n-th point, from the first
+    /// on; if it is a level, this is the most points along an axis that one of the level stands for.
     pub every: u32,
     /// The level of detail of the whole that the preview is; `None` if it has every n-th point.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -47,7 +47,7 @@ pub struct PreviewEntry {
     pub fingerprint: String,
 }
 
-/// Returns how coarse the preview of so many voxels is by default; 1 if they need none.
+/// Returns how coarse the preview of a collection of `visible_voxels` voxels is by default; 1 if it needs none.
 pub(super) fn default_every(visible_voxels: u64) -> u32 {
     let fits = |every: &u32| visible_voxels.div_ceil(u64::from(*every).pow(3)) <= VOXELS;
     (1..=u16::MAX.into()).find(fits).unwrap_or(u16::MAX.into())
@@ -76,8 +76,10 @@ pub(super) enum Choice {
     Level(u8),
 }
 
-/// Chooses the preview of a whole of so many voxels; with `every` it has so many points of the whole for one along an axis, by
-/// default at most 2^24 voxels. `voxels_of` counts the voxels of a level, from 1.
+/// Chooses the preview of a collection of `visible_voxels` voxels.
+///
+/// `every`: points of the whole per point of the preview along an axis; `None` for a preview of about 2^24 voxels or fewer.
+/// `voxels_of` counts the voxels of a level, from 1.
 ///
 /// A level is preferred to every n-th point: it shows all voxels, as means.
 pub(super) fn choice(

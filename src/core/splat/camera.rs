@@ -320,7 +320,7 @@ impl Camera {
         self.projection
     }
 
-    /// Returns a camera that sees so many times the height, in a picture of so many times the rows.
+    /// Returns this camera with a view `ratio` times as high, for a picture with `ratio` times as many rows.
     pub(crate) fn with_height_times(self, ratio: f64) -> Camera {
         let projection = match self.projection {
             Projection::Parallel { height } => Projection::Parallel { height: ratio * height },

@@ -33,7 +33,7 @@ const DIRECTIONS: [[f64; 2]; 10] = [
 ];
 /// How many mean spacings of voxels may make up a pixel of the pictures that levels are compared with.
 const FACTORS: [u32; 11] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48];
-/// Pictures with a multiple of so many samples a side can be divided by all [`FACTORS`].
+/// Pictures whose samples along a side are a multiple of this number can be divided by all [`FACTORS`].
 const ALL_FACTORS: u32 = 96;
 /// The most samples along a side.
 const MOST_SAMPLES: u32 = 3 * ALL_FACTORS;
@@ -251,8 +251,8 @@ impl Difference {
         Difference { squares: self.squares + other.squares, shown: self.shown + other.shown }
     }
 
-    /// Returns whether enough is to be seen, with at least so many decibels: the peak signal-to-noise ratio over the pixels that are
-    /// not empty.
+    /// Returns whether enough is to be seen, and the peak signal-to-noise ratio over the pixels that are not empty is at least `aim`
+    /// decibels.
     fn is_good(self, aim: f64) -> bool {
         self.shown >= LEAST_SHOWN && self.squares <= 10.0f64.powf(-aim / 10.0) * (4 * self.shown) as f64
     }

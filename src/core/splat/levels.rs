@@ -31,8 +31,8 @@ pub(super) const WORTHWHILE: f64 = 0.4;
 /// the least of all sets.
 const UNMEASURED: f64 = 0.5;
 
-/// A draft of a crop that divides blocks of a level is drawn from that level only if the crop is at least so many blocks thick, as it is
-/// rounded to whole blocks: a crop of one slice would vanish, or become a block thick.
+/// Least thickness, in blocks of a level, of a crop that divides such blocks and whose draft is drawn from the level. The crop is then
+/// rounded to whole blocks: one of a single slice would vanish, or become a block thick.
 const CROP_BLOCKS: u32 = 16;
 
 /// A part of the volume, and the level that it is drawn from.

@@ -31,7 +31,7 @@ pub struct FrameSetup<'a> {
     pub(crate) clip: ClipRegion,
     /// Whether the mode is [`Mode::Maximum`](super::Mode::Maximum) or its grey form.
     #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only renderers on graphics devices ask for it"))]
-    pub(crate) maximum: bool,
+    pub(crate) is_maximum: bool,
 }
 
 impl<'a> FrameSetup<'a> {
@@ -45,9 +45,9 @@ impl<'a> FrameSetup<'a> {
         let grid = &scene.facts.grid;
         let (kernel, widths) = (settings.kernel(), settings.blocks.widths(settings.fine_kernel()));
         let near_kernel = settings.blocks.mean(settings.fine_kernel());
-        let maximum = settings.mode.is_maximum();
+        let is_maximum = settings.mode.is_maximum();
         let mut view = View::new(camera, grid, settings.size, kernel, settings.near)?;
-        if maximum {
+        if is_maximum {
             view.margin = 1.0;
         }
         let order = walk_order(&view, grid, settings)?;
@@ -58,10 +58,10 @@ impl<'a> FrameSetup<'a> {
         if lane.channels.coverage_bits > 0 {
             view.margin = view.margin.max(MOST_OFFSET);
         }
-        let lit = scene.transfer.shaded() && lane.channels.normal_bits > 0 && !maximum;
+        let lit = scene.transfer.shaded() && lane.channels.normal_bits > 0 && !is_maximum;
         let lights = settings.lighting.filter(|_| lit).map(|lighting| Lights::new(&lighting, &view));
         let clip = ClipRegion::new(settings, grid);
-        Ok(FrameSetup { view, order, lane, lights, kernel, widths, near_kernel, clip, maximum })
+        Ok(FrameSetup { view, order, lane, lights, kernel, widths, near_kernel, clip, is_maximum })
     }
 }
 

@@ -10,7 +10,7 @@ use crate::dialog::{Dialog, Purpose};
 use crate::document::Document;
 use crate::editor::Edited;
 use crate::editor::ui::number;
-use crate::open::Place;
+use crate::open::FilePlace;
 use crate::save::{camera_json, command};
 
 impl Viewer {
@@ -40,7 +40,7 @@ impl Viewer {
                 for path in paths {
                     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
                     if ui.button(name).on_hover_text(path.display().to_string()).clicked() {
-                        self.open(&context, Place::Path(path));
+                        self.open(&context, FilePlace::Path(path));
                         ui.close();
                     }
                 }
@@ -107,7 +107,7 @@ impl Viewer {
         let Some(document) = self.documents.get(self.active) else { return };
         let link = match (&document.place, changed_transfer(document)) {
             #[cfg(target_arch = "wasm32")]
-            (Place::Address(file), transfer) => crate::page::link(
+            (FilePlace::Address(file), transfer) => crate::page::link(
                 file,
                 &document.look.eye.to_text(),
                 transfer.map(|transfer| transfer.to_json()).as_deref(),

@@ -15,7 +15,7 @@ use crate::document::Document;
 use crate::draw::Renderer;
 use crate::look::SIDES;
 use crate::navigate::Manner;
-use crate::open::{Opening, Place, Wish};
+use crate::open::{FilePlace, Opening, Wish};
 use crate::panel::{Request, panel};
 use crate::recent::RecentFiles;
 use crate::save::{PictureForm, Saving, write};
@@ -70,17 +70,17 @@ impl Viewer {
             view_size: [800, 600],
             was_dark: None,
         };
-        files.iter().for_each(|file| viewer.open(context, Place::Path(file.clone())));
+        files.iter().for_each(|file| viewer.open(context, FilePlace::Path(file.clone())));
         viewer
     }
 
     /// Begins to open a file.
-    pub fn open(&mut self, context: &Context, place: Place) {
+    pub fn open(&mut self, context: &Context, place: FilePlace) {
         self.open_as(context, place, Wish::default());
     }
 
     /// Begins to open a file that is to be shown as `wish` says.
-    pub fn open_as(&mut self, context: &Context, place: Place, wish: Wish) {
+    pub fn open_as(&mut self, context: &Context, place: FilePlace, wish: Wish) {
         self.openings.push(Opening::begin(place, wish, context));
     }
 
@@ -208,7 +208,7 @@ impl Viewer {
     }
 
     /// Does what a file was chosen for.
-    fn chosen(&mut self, context: &Context, purpose: Purpose, mut places: Vec<Place>) {
+    fn chosen(&mut self, context: &Context, purpose: Purpose, mut places: Vec<FilePlace>) {
         if !places.is_empty() {
             self.message = None;
         }
@@ -307,21 +307,21 @@ const NO_DIALOG: &str = "this desktop has no dialogs for files (neither a portal
 
 /// Returns where files and folders are that were dropped.
 #[cfg(not(target_arch = "wasm32"))]
-fn dropped(context: &Context) -> Vec<Place> {
+fn dropped(context: &Context) -> Vec<FilePlace> {
     let dropped = context.input(|input| input.raw.dropped_files.clone());
-    Place::together(dropped.iter().map(|file| file.path().to_path_buf()).collect())
+    FilePlace::together(dropped.iter().map(|file| file.path().to_path_buf()).collect())
 }
 
 /// Returns where files and folders are that were dropped.
 #[cfg(target_arch = "wasm32")]
-fn dropped(_: &Context) -> Vec<Place> {
+fn dropped(_: &Context) -> Vec<FilePlace> {
     crate::page::dropped()
 }
 
 /// Reads the transfer function at a place.
-fn transfer_at(place: &Place) -> Result<TransferFunction> {
+fn transfer_at(place: &FilePlace) -> Result<TransferFunction> {
     match place {
-        Place::Bytes(name, bytes) => {
+        FilePlace::Bytes(name, bytes) => {
             let text = std::str::from_utf8(bytes).map_err(|_| Error::input(name, "is no text"))?;
             TransferFunction::from_text(name.as_ref(), text)
         }

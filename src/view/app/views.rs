@@ -5,7 +5,7 @@ use egui::{Color32, Rect, Sense, Ui, pos2};
 use super::Viewer;
 use crate::draw::shape;
 use crate::navigate::navigate;
-use crate::overlay::{self, Projector};
+use crate::overlay::{self, ScreenMap};
 
 impl Viewer {
     pub(super) fn views(&mut self, ui: &mut Ui) {
@@ -55,11 +55,11 @@ impl Viewer {
             document.fit(size);
         }
         let before = document.look.eye;
-        let projector = Projector::new(&document.look.eye, rect);
+        let screen_map = ScreenMap::new(&document.look.eye, rect);
         let holds = match &mut document.look.crop {
             Some(crop) => {
                 // Drawn again over the picture below; this is for the pointer.
-                overlay::crop_box(ui, &response, &projector, document.model.grid(), crop, &mut document.held_face)
+                overlay::crop_box(ui, &response, &screen_map, document.model.grid(), crop, &mut document.held_face)
             }
             None => false,
         };
@@ -97,19 +97,19 @@ impl Viewer {
         let is_side_by_side = self.is_side_by_side;
         let document = &mut self.documents[index];
         let eye = document.look.eye;
-        let projector = Projector::new(&eye, rect);
+        let screen_map = ScreenMap::new(&eye, rect);
         let painter = ui.painter_at(rect);
         let colour = contrast(document.look.background);
         if let Some(mut crop) = document.look.crop {
-            overlay::crop_box(ui, response, &projector, document.model.grid(), &mut crop, &mut None);
+            overlay::crop_box(ui, response, &screen_map, document.model.grid(), &mut crop, &mut None);
         }
         overlay::axis_cross(&painter, &eye, rect);
         overlay::scale_bar(&painter, &eye, rect, document.unit.as_deref(), colour);
         if let Some(at) = response.interact_pointer_pos().filter(|_| response.clicked()) {
-            let (origin, direction) = projector.ray(at);
+            let (origin, direction) = screen_map.ray(at);
             document.begin_pick(ui.ctx(), origin, direction);
         }
-        if let Some(at) = document.picked.and_then(|picked| projector.place(picked.world)) {
+        if let Some(at) = document.picked.and_then(|picked| screen_map.place(picked.world)) {
             overlay::mark(&painter, at, colour);
         }
         if let Some(fault) = document.painter.fault() {

@@ -8,7 +8,7 @@ use egui::{Area, Button, Context, Frame, Key, Label, ProgressBar, Rect, Window, 
 use super::Viewer;
 use crate::dialog::{Dialog, Purpose};
 use crate::editor::ui::{choose, field};
-use crate::open::Place;
+use crate::open::FilePlace;
 use crate::panel::QUALITIES;
 use crate::save::PictureForm;
 
@@ -89,7 +89,7 @@ impl Viewer {
             });
         let text = text.trim().to_owned();
         if chosen && !text.is_empty() {
-            let place = if is_page { Place::Address(text) } else { Place::Path(text.into()) };
+            let place = if is_page { FilePlace::Address(text) } else { FilePlace::Path(text.into()) };
             self.chosen(context, purpose, vec![place]);
         }
         if !is_open || chosen || context.input(|input| input.key_pressed(Key::Escape)) {

@@ -16,7 +16,7 @@ use egui::ColorImage;
 
 use super::worker::Completeness;
 use super::{Work, image, settings};
-use crate::look::Look;
+use crate::look::ViewLook;
 use crate::remote::{LaneOf, Remote};
 
 /// What a device keeps of one model, and where it gets the rest. Clones share it.
@@ -154,7 +154,7 @@ impl Canvas {
     ///
     /// # Errors
     /// The errors of the camera and the settings.
-    pub fn begin(&self, model: &Model, look: &Look, size: [u32; 2]) -> Result<()> {
+    pub fn begin(&self, model: &Model, look: &ViewLook, size: [u32; 2]) -> Result<()> {
         if let Some(remote) = &self.remote {
             let settings = settings(model, look, size, Quality::Draft)?;
             let needed = drawn_levels(&model.scene(), &look.eye.camera()?, &settings)?;
@@ -176,7 +176,7 @@ impl Canvas {
     pub async fn picture(
         &self,
         model: &Model,
-        look: &Look,
+        look: &ViewLook,
         size: [u32; 2],
         quality: Quality,
     ) -> Result<Option<(ColorImage, Work)>> {

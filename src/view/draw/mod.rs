@@ -20,7 +20,7 @@ use adjsplat::error::Result;
 use adjsplat::splat::{Frame, Quality, Settings, StopRequest};
 use egui::{Color32, ColorImage, Context};
 
-use crate::look::Look;
+use crate::look::ViewLook;
 pub use device::Canvas;
 pub(crate) use device::OnDevice;
 use draft_size::DraftSize;
@@ -55,7 +55,7 @@ pub struct Painter {
     finer: Option<Worker>,
     results: Receiver<Drawn>,
     /// The look, the model's version and the size of the last request.
-    asked: Option<(Look, u64, [u32; 2])>,
+    asked: Option<(ViewLook, u64, [u32; 2])>,
     /// How often more of the file had arrived at the last request.
     arrivals: u64,
     look_index: u64,
@@ -106,7 +106,7 @@ impl Painter {
         &mut self,
         model: &Model,
         [version, arrivals]: [u64; 2],
-        look: &Look,
+        look: &ViewLook,
         size: [u32; 2],
         time: f64,
     ) -> Option<Arc<ColorImage>> {
@@ -188,7 +188,7 @@ impl Painter {
         std::mem::take(&mut self.stop).make();
     }
 
-    fn request(&self, model: &Model, look: &Look, view: [u32; 2], quality: Quality) -> Request {
+    fn request(&self, model: &Model, look: &ViewLook, view: [u32; 2], quality: Quality) -> Request {
         let size = if quality == Quality::Draft { self.draft_size.of(view) } else { view };
         // Drafts are never stopped: those of older looks are shown while the view moves.
         let stop = if quality == Quality::Draft { StopRequest::default() } else { self.stop.clone() };
@@ -237,7 +237,7 @@ fn rank(quality: Quality) -> usize {
 /// The errors of the camera, the settings and the renderer.
 pub fn picture(
     model: &Model,
-    look: &Look,
+    look: &ViewLook,
     size: [u32; 2],
     quality: Quality,
     stop: impl Into<Option<StopRequest>>,
@@ -257,12 +257,12 @@ pub fn picture(
     Ok((image(frame, look, size), work))
 }
 
-fn settings(model: &Model, look: &Look, size: [u32; 2], quality: Quality) -> Result<Settings> {
+fn settings(model: &Model, look: &ViewLook, size: [u32; 2], quality: Quality) -> Result<Settings> {
     look.settings(model.grid(), size, quality)
 }
 
 /// Returns a frame over the background of a look.
-fn image(mut frame: Frame, look: &Look, size: [u32; 2]) -> ColorImage {
+fn image(mut frame: Frame, look: &ViewLook, size: [u32; 2]) -> ColorImage {
     frame.over(Colour::from_bytes(look.background).linear());
     // Opaque. Egui's own function is compiled with little optimisation.
     let pixels = frame.to_srgb8().as_chunks().0.iter().map(|[r, g, b, _]| Color32::from_rgb(*r, *g, *b)).collect();
@@ -278,7 +278,7 @@ mod tests {
     fn a_new_look_stops_finer_pictures_of_the_one_before() {
         let volume = Volume::new([20, 10, 30], vec![9u8; 6000]).unwrap();
         let model = Build::new(TransferFunction::range(1.0, 10.0).unwrap()).run(&volume).unwrap();
-        let look = Look::first(&model, model.bounds().unwrap(), [0; 3], [200, 100]).unwrap();
+        let look = ViewLook::first(&model, model.bounds().unwrap(), [0; 3], [200, 100]).unwrap();
         let mut painter = Painter::new(&Context::default(), Renderer::Processor, Canvas::new(None));
         let [draft, fine] =
             [Quality::Draft, Quality::High].map(|quality| painter.request(&model, &look, [9, 9], quality));

@@ -14,7 +14,7 @@ use web_time::Instant;
 use super::stretch::stretched;
 use super::{Canvas, picture};
 use crate::background;
-use crate::look::Look;
+use crate::look::ViewLook;
 
 /// What draws the pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -30,7 +30,7 @@ pub enum Renderer {
 #[derive(Clone)]
 pub(super) struct Request {
     pub(super) model: Model,
-    pub(super) look: Look,
+    pub(super) look: ViewLook,
     /// The columns and rows that are drawn.
     pub(super) size: [u32; 2],
     /// The columns and rows of the view, which drafts are stretched to.

@@ -1,7 +1,7 @@
 //! Twin of `shaders/bin.wgsl`: from splats to their boxes and each tile's mask of batches.
 
 use super::{high_half, low_half};
-use adjsplat::internals::gpu_stages::{BATCH, FrameUniform, NOTHING, SUMMARY_WORDS, Splat, TILE};
+use adjsplat::internals::gpu_stages::{BATCH, FrameUniform, NOTHING, SUMMARY_WORDS, Splat, TILE_SIDE};
 
 /// Sets the bit of each batch in the mask of each tile that a splat of the batch meets, and the bit of its word in the summary
 /// before the mask; `masks` are 0 before. Returns the splats' boxes.
@@ -14,7 +14,7 @@ pub(crate) fn bin(frame: &FrameUniform, splats: &[Splat], masks: &mut [u32]) -> 
             continue;
         }
         let batch = slot / BATCH;
-        let tile_of = |pixel: i32, first: i32| (pixel - first).cast_unsigned() / TILE;
+        let tile_of = |pixel: i32, first: i32| (pixel - first).cast_unsigned() / TILE_SIDE;
         let [x0, y0, x1, y1] = frame.window;
         let (left, right) = (low_half(splat.columns).max(x0), high_half(splat.columns).min(x1 - 1));
         let (top, bottom) = (low_half(splat.rows).max(y0), high_half(splat.rows).min(y1 - 1));

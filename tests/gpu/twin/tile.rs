@@ -3,7 +3,7 @@
 use super::near::splat_depth;
 use super::{absorbed, high_half, low_half};
 use adjsplat::internals::gpu_stages::BlendMode;
-use adjsplat::internals::gpu_stages::{BATCH, Chunk, FrameUniform, SUMMARY_WORDS, Splat, TILE};
+use adjsplat::internals::gpu_stages::{BATCH, Chunk, FrameUniform, SUMMARY_WORDS, Splat, TILE_SIDE};
 
 /// Composites the splats of a chunk onto the pixels that the previous chunk left.
 ///
@@ -21,7 +21,7 @@ pub(crate) fn tile(
     let mut at = 0;
     for y in y0..y1 {
         for x in x0..x1 {
-            let [column, row] = [x - x0, y - y0].map(|place| place.cast_unsigned() / TILE);
+            let [column, row] = [x - x0, y - y0].map(|place| place.cast_unsigned() / TILE_SIDE);
             let first_word = ((row * frame.tile_columns + column) * frame.mask_words) as usize;
             let mask = &masks[first_word + SUMMARY_WORDS as usize..first_word + frame.mask_words as usize];
             pixels[at] = pixel(frame, chunk, blend, splats, mask, [x, y], pixels[at]);

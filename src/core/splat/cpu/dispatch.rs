@@ -121,7 +121,7 @@ for_each_instruction_set! {
 }
 
 /// Returns the instruction set that `code` selects, for functions that are written with vectors.
-pub(super) fn level(code: Code) -> Level {
+pub(super) fn instruction_set(code: Code) -> Level {
     match code {
         Code::Best => Level::new(),
         #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]

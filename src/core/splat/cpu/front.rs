@@ -3,7 +3,7 @@
 //! In: the picture of the parts in front. Out: which rectangles of pixels, and which tiles, the part cannot change by more
 //! than the transmittance at which rays end.
 
-use super::tile_buffer::{TILE, TileBuffer};
+use super::tile_buffer::{TILE_SHIFT, TileBuffer};
 use crate::error::Result;
 use crate::splat::frame::{Frame, zeroed};
 
@@ -47,7 +47,7 @@ impl Front {
 
     /// Returns whether all pixels of the tile in `column` and `row` of the picture's grid are opaque.
     pub(super) fn hides_tile(&self, column: i32, row: i32) -> bool {
-        let side = |tile: i32| [f64::from(tile << TILE), f64::from((tile << TILE) + 3)];
+        let side = |tile: i32| [f64::from(tile << TILE_SHIFT), f64::from((tile << TILE_SHIFT) + 3)];
         self.hides(side(column), side(row))
     }
 

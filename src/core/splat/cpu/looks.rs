@@ -2,7 +2,7 @@
 //!
 //! In: the records of a block's voxels that are drawn. Out: their colours and optical depths.
 
-use super::project::{LANES, Projector};
+use super::project::{Projector, VECTOR_WIDTH};
 use super::voxel_block::{BLOCK, Coordinates, VoxelBlock};
 use crate::arena::layout::Channels;
 use crate::classify::normal::{self, Coherence};
@@ -76,13 +76,13 @@ impl Projector<'_> {
     fn normals(&self, codes: &[u32; BLOCK], count: usize) -> [[f32; BLOCK]; 3] {
         let mut normals = [[0.0f32; BLOCK]; 3];
         if self.lane.channels.normal_bits == 8 {
-            for from in (0..count.min(BLOCK)).step_by(LANES) {
-                let mut parts = [[0.0; LANES]; 3];
-                for k in 0..LANES {
+            for from in (0..count.min(BLOCK)).step_by(VECTOR_WIDTH) {
+                let mut parts = [[0.0; VECTOR_WIDTH]; 3];
+                for k in 0..VECTOR_WIDTH {
                     [parts[0][k], parts[1][k], parts[2][k]] = normal::decode8(codes[from + k] as u16);
                 }
                 for (normals, parts) in normals.iter_mut().zip(&parts) {
-                    normals[from..from + LANES].copy_from_slice(parts);
+                    normals[from..from + VECTOR_WIDTH].copy_from_slice(parts);
                 }
             }
         } else {
@@ -108,18 +108,18 @@ impl Projector<'_> {
         let mut shades = [[0.0f32; BLOCK]; 2];
         if let PixelMap::Parallel { .. } = self.map {
             let lights = *lights;
-            for from in (0..count).step_by(LANES) {
-                let mut parts = [[0.0; LANES]; 2];
-                for k in 0..LANES {
+            for from in (0..count).step_by(VECTOR_WIDTH) {
+                let mut parts = [[0.0; VECTOR_WIDTH]; 2];
+                for k in 0..VECTOR_WIDTH {
                     let normal = [normals[0][from + k], normals[1][from + k], normals[2][from + k]];
                     [parts[0][k], parts[1][k]] = lights.shade(normal, lights.eye);
                 }
                 for (shades, parts) in shades.iter_mut().zip(&parts) {
-                    shades[from..from + LANES].copy_from_slice(parts);
+                    shades[from..from + VECTOR_WIDTH].copy_from_slice(parts);
                 }
             }
         } else {
-            let [s, m, f] = self.nesting;
+            let [s, m, f] = self.slow_medium_fast;
             let mut toward_eye = [[0.0f32; BLOCK]; 3];
             for k in 0..count {
                 let [slow, medium, fast] = positions.at(usize::from(kept[k]) % BLOCK).map(|c| c as f32);
@@ -127,7 +127,7 @@ impl Projector<'_> {
                 toward_eye[m][k] = self.eye[m] - self.steps[m] * medium;
                 toward_eye[f][k] = self.eye[f] - self.steps[f] * fast;
             }
-            for k in 0..count.next_multiple_of(LANES) {
+            for k in 0..count.next_multiple_of(VECTOR_WIDTH) {
                 let [x, y, z] = [toward_eye[0][k], toward_eye[1][k], toward_eye[2][k]];
                 let length = at_least(x * x + y * y + z * z, f32::MIN_POSITIVE).sqrt();
                 let normal = [normals[0][k], normals[1][k], normals[2][k]];

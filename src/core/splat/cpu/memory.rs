@@ -2,7 +2,7 @@
 //!
 //! In: a grid, a camera, settings. Out: an upper bound in bytes, and the pixels that are drawn first.
 
-use super::Plane;
+use super::SampleGrid;
 use crate::arena::visible::MAX_DEPTH;
 use crate::error::Result;
 use crate::splat::setup::walk_order;
@@ -13,26 +13,26 @@ use crate::volume::Grid;
 /// The most columns and rows of pixels by which tiles and their row pitch enlarge a band (`tile_buffer.rs`).
 const PADDING: [u64; 2] = [32 + 1 + 128, 32];
 /// Bytes of the looks (colour and optical depth) of all codes, with what is wasted when their list grows.
-const TABLE: u64 = 2 << 20;
+const TABLE_BYTES: u64 = 2 << 20;
 /// Bytes of the stack and the block of splats of a thread, with what its allocator wastes.
-const THREAD: u64 = 2 << 20;
+const THREAD_BYTES: u64 = 2 << 20;
 /// Bytes per tile in the walk's lists of tiles: four copies of the tile's index, because one list grows by doubling.
-const TILE: u64 = 16;
+const TILE_BYTES: u64 = 16;
 /// Bytes of a walk per grid point of an axis: lines of a slice, gathered and reordered, and a batch of voxels.
-const POINT: u64 = 64;
+const POINT_BYTES: u64 = 64;
 /// Bytes per pixel, in a frame and in bands.
-const PIXEL: u64 = 4 * size_of::<f32>() as u64;
+pub const PIXEL_BYTES: u64 = 4 * size_of::<f32>() as u64;
 
 /// Bytes per kept pixel of a lattice: in the frame that is warped, and marks of what is drawn.
-const LATTICE_PIXEL: u64 = PIXEL + 2;
+const LATTICE_PIXEL_BYTES: u64 = PIXEL_BYTES + 2;
 /// Bytes per column of pixels of a band of a lattice: its pixels, with what pads their rows.
-const BAND_COLUMN: u64 = 4 * 32 * PIXEL;
+const BAND_COLUMN_BYTES: u64 = 4 * 32 * PIXEL_BYTES;
 /// Bytes per column of pixels of the lists of a row of tiles, and of its spans.
-const LISTS_COLUMN: u64 = (552 + 16 * 8) / 4;
+const LISTS_COLUMN_BYTES: u64 = (552 + 16 * 8) / 4;
 /// Bytes of a thread's slab, with stamps; and those that it may need more per grid point of a line, with runs, whose list grows by
 /// doubling.
-const SLAB: u64 = 2 << 20;
-const SLAB_POINT: u64 = 50 + 3 * 16;
+const SLAB_BYTES: u64 = 2 << 20;
+const SLAB_POINT_BYTES: u64 = 50 + 3 * 16;
 
 /// Number of optical depths, beside 0, for which a canvas is asked for. The memory of any other depth is at most 1.1 % more, in 960 views
 /// of four boxes; with 16 depths, 63 %.
@@ -75,11 +75,11 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
 
 /// Returns where a view of voxels is drawn whose largest optical depth is `deepest`.
 fn canvas_of_depth(view: &View, order: &Order, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Canvas {
-    match Plane::choose(view, order, bounds, deepest, settings) {
-        Some(Plane::Lattice(lattice)) => {
+    match SampleGrid::choose(view, order, bounds, deepest, settings) {
+        Some(SampleGrid::Lattice(lattice)) => {
             Canvas::Lattice { size: lattice.size, kept: lattice.kept(), copied: lattice.copied() }
         }
-        Some(Plane::Supersampling(supersampling)) => Canvas::Finer(supersampling.strip_size()),
+        Some(SampleGrid::Supersampling(supersampling)) => Canvas::Finer(supersampling.strip_size()),
         None => Canvas::Picture,
     }
 }
@@ -90,7 +90,7 @@ fn canvas_of_depth(view: &View, order: &Order, bounds: &VoxelBox, deepest: f64, 
 pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settings) -> u64 {
     let size = settings.size.map(u64::from);
     let threads = settings.threads as u64;
-    let frame = |[columns, rows]: [u64; 2]| PIXEL.saturating_mul(columns * rows);
+    let frame = |[columns, rows]: [u64; 2]| PIXEL_BYTES.saturating_mul(columns * rows);
     let bands = |size: [u64; 2]| match settings.blending {
         // One thread, with a sheet as well as the picture.
         Blending::Sheets => band_bytes(size, 1).saturating_mul(2),
@@ -102,25 +102,26 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settin
         Canvas::Lattice { size: plane, kept, copied } => {
             let columns = u64::from(plane[0]);
             let kept = kept.into_iter().map(u64::from).product::<u64>();
-            let band_columns = threads * (BAND_COLUMN + LISTS_COLUMN);
+            let band_columns = threads * (BAND_COLUMN_BYTES + LISTS_COLUMN_BYTES);
             // Very faint voxels are drawn on the picture.
-            let slabs = threads * (SLAB + SLAB_POINT * longest);
-            (LATTICE_PIXEL * kept + PIXEL * copied + band_columns * (columns + PADDING[0]) + slabs).max(bands(size))
+            let slabs = threads * (SLAB_BYTES + SLAB_POINT_BYTES * longest);
+            (LATTICE_PIXEL_BYTES * kept + PIXEL_BYTES * copied + band_columns * (columns + PADDING[0]) + slabs)
+                .max(bands(size))
         }
         Canvas::Finer(size) => {
             let size = size.map(u64::from);
-            bands(size).saturating_add(frame(size)).saturating_add(threads * PIXEL * size[0])
+            bands(size).saturating_add(frame(size)).saturating_add(threads * PIXEL_BYTES * size[0])
         }
     };
-    let walk = THREAD + TILE.saturating_mul(tiles) + POINT * longest;
-    [drawing, TABLE, threads.saturating_mul(walk)].into_iter().fold(frame(size), u64::saturating_add)
+    let walk = THREAD_BYTES + TILE_BYTES.saturating_mul(tiles) + POINT_BYTES * longest;
+    [drawing, TABLE_BYTES, threads.saturating_mul(walk)].into_iter().fold(frame(size), u64::saturating_add)
 }
 
 /// Returns the bytes of a picture's bands (the larger: of rows or of columns). Each band is padded by itself.
 fn band_bytes([columns, rows]: [u64; 2], threads: u64) -> u64 {
     let by_rows = (columns + PADDING[0]) * (rows + threads * PADDING[1]);
     let by_columns = (columns + threads * PADDING[0]) * (rows + PADDING[1]);
-    PIXEL.saturating_mul(by_rows.max(by_columns))
+    PIXEL_BYTES.saturating_mul(by_rows.max(by_columns))
 }
 
 #[cfg(test)]

@@ -24,7 +24,7 @@ mod front;
 mod gather;
 mod lattice;
 mod looks;
-mod memory;
+pub(crate) mod memory;
 mod plain;
 pub(crate) mod project;
 pub(crate) mod scatter;
@@ -124,13 +124,15 @@ fn draw_scene(
     // Computing the bounds takes a pass over all tiles.
     let bounds = if settings.keeps_pixels() { None } else { setup.lane.bounds() };
     let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
-    let sampling = bounds.and_then(|bounds| Plane::choose(&setup.view, &setup.order, &bounds, deepest, settings));
+    let sample_grid =
+        bounds.and_then(|bounds| SampleGrid::choose(&setup.view, &setup.order, &bounds, deepest, settings));
     // Faint scenes are drawn in stacks, on the picture's own pixels. Splats are fainter there than on a lattice if voxels are small.
     let is_faint = |lattice: &Lattice| {
-        let strongest = lattice.strength().unwrap_or_else(|| faint::strongest(&setup, &table));
+        let strongest = lattice.strength().map_or_else(|| faint::strongest(&setup, &table), f64::from);
         faint::stacks(scene, &setup, &table, settings, strongest).is_some()
     };
-    let sampling = sampling.filter(|plane| !matches!(plane, Plane::Lattice(lattice) if is_faint(lattice)));
+    let sample_grid =
+        sample_grid.filter(|sample_grid| !matches!(sample_grid, SampleGrid::Lattice(lattice) if is_faint(lattice)));
     let draw = |view: View, front: Option<&Front>| {
         let settings = &Settings { size: view.size, ..settings.clone() };
         let mut setup = FrameSetup { view, ..setup.clone() };
@@ -139,13 +141,13 @@ fn draw_scene(
             None => draw_in_mode(&setup, &table, settings, front),
         }
     };
-    let (frame, work) = match sampling {
+    let (frame, work) = match sample_grid {
         None => draw(setup.view.clone(), front)?,
-        Some(Plane::Lattice(lattice)) => {
+        Some(SampleGrid::Lattice(lattice)) => {
             let draw = if settings.mode == Mode::Additive { warped::<Additive> } else { warped::<FrontToBack> };
             draw(&setup, &table, settings, front, &lattice)?
         }
-        Some(Plane::Supersampling(supersampling)) => {
+        Some(SampleGrid::Supersampling(supersampling)) => {
             let (mut picture, mut work) = (Frame::transparent(settings.size)?, BandStats::default());
             for strip in supersampling.strips() {
                 let setup = FrameSetup { view: supersampling.view(&setup.view, &strip), ..setup.clone() };
@@ -175,22 +177,22 @@ fn draw_scene(
 }
 
 /// Where samples are drawn that are not the picture's pixels; the picture is then computed from them.
-enum Plane {
+enum SampleGrid {
     Lattice(Box<Lattice>),
     Supersampling(Supersampling),
 }
 
-impl Plane {
+impl SampleGrid {
     /// Returns the best way to sample a view of the voxels in `bounds`; `None` to draw one sample for each pixel.
     ///
     /// `deepest` is the largest optical depth of any voxel, along a ray as long as the mean spacing.
-    fn choose(view: &View, order: &Order, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Option<Plane> {
+    fn choose(view: &View, order: &Order, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Option<SampleGrid> {
         let supersampling = Supersampling::new(view, bounds, settings);
         let lattice = Lattice::new(view, order, bounds, deepest, settings)
             .filter(|lattice| lattice.is_worthwhile(view, bounds, supersampling.as_ref()));
         match lattice {
-            Some(lattice) => Some(Plane::Lattice(Box::new(lattice))),
-            None => supersampling.map(Plane::Supersampling),
+            Some(lattice) => Some(SampleGrid::Lattice(Box::new(lattice))),
+            None => supersampling.map(SampleGrid::Supersampling),
         }
     }
 }
@@ -203,14 +205,14 @@ fn warped<B: Blend>(
     front: Option<&Front>,
     lattice: &Lattice,
 ) -> Result<(Frame, BandStats)> {
-    let level = dispatch::level(settings.code);
+    let instructions = dispatch::instruction_set(settings.code);
     let task = DrawTask { front, ..DrawTask::new::<B>(setup, table, settings) };
     let (plane, work) = gather::draw::<B>(&task, lattice)?;
     if settings.mode == Mode::Composite {
-        return Ok((warp::warp(lattice, plane, 1.0, level, settings.threads)?, work));
+        return Ok((warp::warp(lattice, plane, 1.0, instructions, settings.threads)?, work));
     }
     // What a pixel shows of its ray's sum is not in proportion to it: the sums are warped.
-    let mut picture = warp::warp(lattice, plane, f32::MAX, level, settings.threads)?;
+    let mut picture = warp::warp(lattice, plane, f32::MAX, instructions, settings.threads)?;
     picture.fill_rows(settings.threads, |_, row| row.iter_mut().for_each(|pixel| *pixel = table.finish(*pixel)));
     Ok((picture, work))
 }

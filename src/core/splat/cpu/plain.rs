@@ -10,7 +10,7 @@ use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pix
 use super::scatter::maximum::{Rays, advance};
 use super::splats::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, combine, full_rect};
-use super::tile_buffer::{Rect, TILE, TileBuffer};
+use super::tile_buffer::{Rect, TILE_SHIFT, TileBuffer};
 use super::warp::halved;
 use crate::arena::layout::Channels;
 use crate::classify::normal::{self, Coherence};
@@ -29,12 +29,12 @@ pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult> 
     let stats = each_splat(task, |splat, _| splat.is_some_and(|splat| draw_splat::<B>(&mut tiles, splat, stop)));
     if let Some(front) = task.front.filter(|_| stop > 0.0) {
         for (x, y) in (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| (x, y))) {
-            if front.hides_tile(x >> TILE, y >> TILE) {
+            if front.hides_tile(x >> TILE_SHIFT, y >> TILE_SHIFT) {
                 tiles.set_pixel(x, y, [0.0; 4]);
             }
         }
     }
-    Ok(BandResult { pixels: tiles, stats })
+    Ok(BandResult { tiles, stats })
 }
 
 /// Draws the whole picture front to back, slice by slice: sums a slice's splats, then composites the sum.
@@ -58,7 +58,7 @@ pub(super) fn draw_sheets(task: &DrawTask, rect: Rect) -> Result<BandResult> {
         splat.is_some_and(|splat| draw_splat::<Additive>(&mut sheet, splat, 0.0))
     });
     composite(&mut tiles, &mut sheet);
-    Ok(BandResult { pixels: tiles, stats })
+    Ok(BandResult { tiles, stats })
 }
 
 /// Draws all voxels on a lattice; `shown` tells which of its tiles are drawn at all. Transmittances become opacities.
@@ -71,29 +71,29 @@ pub(super) fn draw_on_lattice<B: Blend>(
     let rect = full_rect(lattice.size);
     let mut tiles = TileBuffer::new(rect, B::INITIAL_ALPHA)?;
     let projector = &task.projector;
-    let columns = lattice.size[0] as usize >> TILE;
+    let columns = lattice.size[0] as usize >> TILE_SHIFT;
     let stats = each_voxel(task, |voxel, record| {
         if !projector.clip.contains(voxel) {
             return false;
         }
-        let [slow, medium, fast] = projector.nesting.map(|axis| voxel[axis]);
+        let [slow, medium, fast] = projector.slow_medium_fast.map(|axis| voxel[axis]);
         let slice = lattice.slice(slow);
         let (offset, shape) = projector.offset(record);
         let place = if projector.is_on_grid() {
             lattice.place(&slice, [fast.into(), medium.into()])
         } else {
             let on_grid = [slow, medium, fast].map(f64::from);
-            Lattice::place_beside(&slice, [0, 1, 2].map(|axis| on_grid[axis] + f64::from(offset[axis])))
+            Lattice::place_displaced(&slice, [0, 1, 2].map(|axis| on_grid[axis] + f64::from(offset[axis])))
         };
         let [red, green, blue, depth] = projector.look(record);
         let colour = lit_colour(projector, voxel, record, [red, green, blue]);
         let code = projector.lane.coverage_code(record);
-        let beside = footprints.map(|footprints| {
+        let footprint = footprints.map(|footprints| {
             let at = footprints.place(&slice, [fast, medium], code);
             (footprints, at)
         });
         let spans = [0, 1].map(|side| {
-            if let Some((footprints, at)) = beside {
+            if let Some((footprints, at)) = footprint {
                 let [first, last] = footprints.pixels(side, at[side], code);
                 return [first.max(0), last.min(lattice.size[side] as i32 - 1)];
             }
@@ -105,17 +105,17 @@ pub(super) fn draw_on_lattice<B: Blend>(
         let mut is_drawn = false;
         for y in spans[1][0]..=spans[1][1] {
             for x in spans[0][0]..=spans[0][1] {
-                let tile = [x >> TILE, y >> TILE];
+                let tile = [x >> TILE_SHIFT, y >> TILE_SHIFT];
                 if !shown[tile[1] as usize * columns + tile[0] as usize] {
                     continue;
                 }
-                let rays = match lattice.is_beside() {
+                let rays = match lattice.is_displaced() {
                     true => TileRays::new(tile, lattice.kernels(tile)[shape]),
                     false => lattice.tile(tile),
                 };
-                let weight = match beside {
+                let weight = match footprint {
                     Some((footprints, at)) => footprints.weight(at, code, [x, y]),
-                    None => rays.weights(&place, projector.cut)[((y & 3) << TILE | (x & 3)) as usize],
+                    None => rays.weights(&place, projector.cut)[((y & 3) << TILE_SHIFT | (x & 3)) as usize],
                 };
                 let peak = limited(depth, rays.strength());
                 if peak <= 0.0 {
@@ -128,7 +128,7 @@ pub(super) fn draw_on_lattice<B: Blend>(
         is_drawn
     });
     let settings = &Settings { size: lattice.size, ..task.settings.clone() };
-    let bands = [BandResult { pixels: tiles, stats }];
+    let bands = [BandResult { tiles, stats }];
     let transmits = B::INITIAL_ALPHA > 0.0;
     let mut frame = Frame::transparent(lattice.size)?;
     combine(&bands, settings, &mut frame, |pixel, [red, green, blue, alpha]| {
@@ -180,7 +180,7 @@ pub(super) fn draw_largest(task: &DrawTask, rect: Rect) -> Result<BandResult> {
     let mut slices = vec![0u16; place(0, rect.y1)];
     let stats = each_voxel(task, |voxel, record| {
         let [_, _, _, value] = task.projector.look(record);
-        let nested = task.projector.nesting.map(|axis| voxel[axis]);
+        let nested = task.projector.slow_medium_fast.map(|axis| voxel[axis]);
         let position = nested.map(f64::from);
         let [left, right, top, bottom] = rays.pixels(position);
         if !task.projector.clip.contains(voxel) || value <= 0.0 {
@@ -210,7 +210,7 @@ pub(super) fn draw_largest(task: &DrawTask, rect: Rect) -> Result<BandResult> {
         }
         is_drawn
     });
-    Ok(BandResult { pixels: tiles, stats })
+    Ok(BandResult { tiles, stats })
 }
 
 /// Blends a splat with the pixels of its box that lie in the picture; returns whether there are any.
@@ -236,7 +236,7 @@ fn blend_pixel<B: Blend>(tiles: &mut TileBuffer, [x, y]: [i32; 2], amount: f32, 
 
 /// Calls `draw` for each voxel with its splat (`None` if the voxel has none) and slice; `draw` returns whether it drew.
 fn each_splat(task: &DrawTask, mut draw: impl FnMut(Option<ColouredSplat>, u16) -> bool) -> BandStats {
-    each_voxel(task, |voxel, record| draw(splat(task, voxel, record), voxel[task.projector.nesting[0]]))
+    each_voxel(task, |voxel, record| draw(splat(task, voxel, record), voxel[task.projector.slow_medium_fast[0]]))
 }
 
 /// Calls `draw` for each voxel with its coordinates and the index of its record; `draw` returns whether it drew.
@@ -259,7 +259,7 @@ fn splat<'a>(task: &'a DrawTask, voxel: [u16; 3], record: usize) -> Option<Colou
     }
     let [red, green, blue, depth] = projector.look(record);
     let (offset, shape) = projector.offset(record);
-    let nested = projector.nesting.map(|axis| f64::from(voxel[axis]));
+    let nested = projector.slow_medium_fast.map(|axis| f64::from(voxel[axis]));
     let place = [0, 1, 2].map(|axis| nested[axis] + f64::from(offset[axis]));
     let splat = project_voxel(projector, place, shape, depth)?;
     Some((splat, lit_colour(projector, voxel, record, [red, green, blue])))
@@ -290,7 +290,7 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize,
             if !is_far {
                 let view = projector.near.as_ref()?;
                 let mut voxel = [0.0; 3];
-                projector.nesting.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
+                projector.slow_medium_fast.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
                 let kernel = view.kernel(voxel, t2)?;
                 return (depth > 0.0).then_some(Splat::Near { view, kernel, depth });
             }

@@ -42,7 +42,7 @@ pub struct Projector<'a> {
     /// Transmittance below which a pixel no longer changes; 0 for never.
     pub(super) stop: f32,
     /// Indices of the slow, medium and fast axis.
-    pub nesting: [usize; 3],
+    pub slow_medium_fast: [usize; 3],
     pub(super) map: PixelMap,
     /// What voxels near the eye need; `None` in parallel views.
     pub(super) near: Option<NearView>,
@@ -93,7 +93,7 @@ impl<'a> Projector<'a> {
             cut_off,
             cut: kernel.cut(),
             stop,
-            nesting: [order.slow.index(), order.medium.index(), order.fast.index()],
+            slow_medium_fast: [order.slow.index(), order.medium.index(), order.fast.index()],
             map: view.map,
             near: NearView::new(view, setup.near_kernel),
             ellipse,
@@ -156,7 +156,7 @@ impl<'a> Projector<'a> {
     #[inline(always)]
     pub(super) fn offset(&self, record: usize) -> ([f32; 3], usize) {
         let Coverage { offset, .. } = self.lane.coverage(record);
-        (self.nesting.map(|axis| offset[axis]), shape(offset))
+        (self.slow_medium_fast.map(|axis| offset[axis]), shape(offset))
     }
 
     /// Returns the places of a block's voxels in a lane with coverages.
@@ -175,7 +175,8 @@ impl<'a> Projector<'a> {
     #[inline(always)]
     pub(super) fn in_clip(&self, voxels: &VoxelBlock) -> [bool; BLOCK] {
         let ClipRegion { crop, plane } = self.clip;
-        let (low, high) = (self.nesting.map(|axis| crop.low[axis]), self.nesting.map(|axis| crop.high[axis]));
+        let (low, high) =
+            (self.slow_medium_fast.map(|axis| crop.low[axis]), self.slow_medium_fast.map(|axis| crop.high[axis]));
         let [slow, medium, fast] = &voxels.positions;
         let mut in_clip = [false; BLOCK];
         for j in 0..BLOCK {
@@ -187,7 +188,7 @@ impl<'a> Projector<'a> {
                 & (fast[j] <= high[2]);
         }
         if let Some(plane) = plane {
-            let plane = IndexPlane { normal: self.nesting.map(|axis| plane.normal[axis]), ..plane };
+            let plane = IndexPlane { normal: self.slow_medium_fast.map(|axis| plane.normal[axis]), ..plane };
             for j in 0..BLOCK {
                 in_clip[j] &= plane.shows([slow[j], medium[j], fast[j]]);
             }
@@ -209,9 +210,9 @@ impl<'a> Projector<'a> {
         let steps = camera_from_voxel.each_ref().map(single);
         let [right, up, forward] = camera_from_voxel.map(|map| self.nested(&map));
         let (focal_single, sigma, cut_off, strength) = (focal as f32, self.sigma, self.cut_off, self.strength);
-        for from in (0..BLOCK).step_by(LANES) {
-            let mut lanes = SplatPlaces::new();
-            for j in 0..LANES {
+        for from in (0..BLOCK).step_by(VECTOR_WIDTH) {
+            let mut part = SplatPlaces::new();
+            for j in 0..VECTOR_WIDTH {
                 let position = positions.at(from + j);
                 let [t0, t1, t2] =
                     [affine_at(&right, position), affine_at(&up, position), affine_at(&forward, position)];
@@ -226,9 +227,9 @@ impl<'a> Projector<'a> {
                 };
                 let Footprint { ellipse, density } = footprint(rows, sigma, cut_off);
                 let strength = keep_if(in_front, strength * density * slant(tan_x, tan_y) * (nearness * nearness));
-                lanes.set(j, [centre_x + focal * tan_right, centre_y - focal * tan_up], &ellipse, strength);
+                part.set(j, [centre_x + focal * tan_right, centre_y - focal * tan_up], &ellipse, strength);
             }
-            lanes.copy_to(from, &mut out.places);
+            part.copy_to(from, &mut out.places);
         }
     }
 
@@ -237,17 +238,17 @@ impl<'a> Projector<'a> {
     fn place_parallel<C: Coordinates>(&self, pixel_from_voxel: [Affine; 2], positions: &C, out: &mut Splats) {
         let [column, row] = pixel_from_voxel.map(|map| self.nested(&map));
         let alike = (self.ellipse, self.strength);
-        for from in (0..BLOCK).step_by(LANES) {
-            let mut lanes = SplatPlaces::new();
-            for j in 0..LANES {
+        for from in (0..BLOCK).step_by(VECTOR_WIDTH) {
+            let mut part = SplatPlaces::new();
+            for j in 0..VECTOR_WIDTH {
                 let position = positions.at(from + j);
                 let (ellipse, strength) = match (positions.shapes(), &self.shapes) {
                     (Some(shapes), Some(of_shapes)) => of_shapes[usize::from(shapes[from + j]) % SHAPES],
                     _ => alike,
                 };
-                lanes.set(j, [affine_at(&column, position), affine_at(&row, position)], &ellipse, strength);
+                part.set(j, [affine_at(&column, position), affine_at(&row, position)], &ellipse, strength);
             }
-            lanes.copy_to(from, &mut out.places);
+            part.copy_to(from, &mut out.places);
         }
     }
 
@@ -276,7 +277,7 @@ impl<'a> Projector<'a> {
                 continue;
             }
             let mut voxel = [0.0; 3];
-            self.nesting.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
+            self.slow_medium_fast.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
             if let Some(kernel) = view.kernel(voxel, depth) {
                 for (extents, [low, high]) in [(&mut places.x, kernel.columns), (&mut places.y, kernel.rows)] {
                     (extents.nearest[j], extents.low[j], extents.high[j]) = (low, low, high);
@@ -290,7 +291,7 @@ impl<'a> Projector<'a> {
     /// Returns `map` with its factors for the axes in the order slow, medium, fast.
     #[inline(always)]
     pub(super) fn nested(&self, map: &Affine) -> Affine {
-        let [s, m, f] = self.nesting;
+        let [s, m, f] = self.slow_medium_fast;
         [map[s], map[m], map[f], map[3]]
     }
 
@@ -298,7 +299,7 @@ impl<'a> Projector<'a> {
     #[inline(always)]
     pub(super) fn unnested(&self, nested: [u16; 3]) -> [u16; 3] {
         let mut voxel = [0; 3];
-        for (axis, coordinate) in self.nesting.into_iter().zip(nested) {
+        for (axis, coordinate) in self.slow_medium_fast.into_iter().zip(nested) {
             voxel[axis] = coordinate;
         }
         voxel
@@ -339,9 +340,9 @@ impl<'a> Projector<'a> {
 }
 
 /// How many voxels are computed at once, in local arrays, which the compiler knows not to overlap with other arrays.
-pub(super) const LANES: usize = 16;
+pub(super) const VECTOR_WIDTH: usize = 16;
 
-impl SplatPlaces<LANES> {
+impl SplatPlaces<VECTOR_WIDTH> {
     /// Sets splat `j`, whose centre is at a column and a row.
     #[inline(always)]
     fn set(&mut self, j: usize, [column, row]: [f64; 2], ellipse: &Ellipse, strength: f32) {
@@ -355,16 +356,16 @@ impl SplatPlaces<LANES> {
     /// Copies all values into a block's arrays, starting at index `from`.
     #[inline(always)]
     fn copy_to(&self, from: usize, out: &mut SplatPlaces<BLOCK>) {
-        for (out, lanes) in [(&mut out.x, &self.x), (&mut out.y, &self.y)] {
-            out.nearest[from..from + LANES].copy_from_slice(&lanes.nearest);
-            out.offset[from..from + LANES].copy_from_slice(&lanes.offset);
-            out.low[from..from + LANES].copy_from_slice(&lanes.low);
-            out.high[from..from + LANES].copy_from_slice(&lanes.high);
+        for (out, part) in [(&mut out.x, &self.x), (&mut out.y, &self.y)] {
+            out.nearest[from..from + VECTOR_WIDTH].copy_from_slice(&part.nearest);
+            out.offset[from..from + VECTOR_WIDTH].copy_from_slice(&part.offset);
+            out.low[from..from + VECTOR_WIDTH].copy_from_slice(&part.low);
+            out.high[from..from + VECTOR_WIDTH].copy_from_slice(&part.high);
         }
-        for (out, lanes) in out.ellipses.iter_mut().zip(&self.ellipses) {
-            out[from..from + LANES].copy_from_slice(lanes);
+        for (out, part) in out.ellipses.iter_mut().zip(&self.ellipses) {
+            out[from..from + VECTOR_WIDTH].copy_from_slice(part);
         }
-        out.strength[from..from + LANES].copy_from_slice(&self.strength);
+        out.strength[from..from + VECTOR_WIDTH].copy_from_slice(&self.strength);
     }
 }
 

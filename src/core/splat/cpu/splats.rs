@@ -5,7 +5,7 @@
 //! depth = peak * 2^-q
 //! ```
 
-use super::tile_buffer::{COLUMN, ROW, Rect, TILE, TILE_PIXELS};
+use super::tile_buffer::{COLUMN, ROW, Rect, TILE_PIXELS, TILE_SHIFT};
 use super::voxel_block::BLOCK;
 use crate::splat::arith::{at_least, at_most, exp2_neg, keep_if};
 use crate::splat::composite::Look;
@@ -162,7 +162,7 @@ impl SplatKernel {
 
     #[inline(always)]
     pub(super) fn tile_row(&self, root: f32, row: i32) -> TileRow {
-        let first_row = ((row << TILE) - self.centre.y) as f32;
+        let first_row = ((row << TILE_SHIFT) - self.centre.y) as f32;
         let mut terms = TileRow { distance: [0.0; TILE_PIXELS], exponent: [0.0; TILE_PIXELS] };
         for i in 0..TILE_PIXELS {
             (terms.distance[i], terms.exponent[i]) = self.terms(root, first_row, COLUMN[i], ROW[i]);
@@ -173,7 +173,7 @@ impl SplatKernel {
     /// Returns the optical depths at the pixels of a tile.
     #[inline(always)]
     pub(super) fn depths(&self, root: f32, tile_row: &TileRow, column: i32) -> [f32; TILE_PIXELS] {
-        let first_column = ((column << TILE) - self.centre.x) as f32 * root;
+        let first_column = ((column << TILE_SHIFT) - self.centre.x) as f32 * root;
         let mut depths = [0.0; TILE_PIXELS];
         for i in 0..TILE_PIXELS {
             depths[i] = self.depth_at(first_column, tile_row.distance[i], tile_row.exponent[i]);
@@ -184,13 +184,13 @@ impl SplatKernel {
     /// Returns the columns of the first and last tile of a row that the ellipse may meet, with a margin for rounding.
     #[inline(always)]
     pub(super) fn chord(&self, row: i32) -> [i32; 2] {
-        let low = ((row << TILE) - self.centre.y) as f32 - self.centre.offset_y;
+        let low = ((row << TILE_SHIFT) - self.centre.y) as f32 - self.centre.offset_y;
         let high = low + 3.0;
         let nearest = at_least(at_least(low, 0.0 - high), 0.0);
         let Ellipse { u_factor, y_factor, shear, .. } = self.ellipse;
         let half_width = (at_least(self.cut - y_factor * (nearest * nearest), 0.0) / u_factor).sqrt() + 1.0;
         let (ridge_low, ridge_high) = (shear * low, shear * high);
-        let column = |x: f32| self.centre.x.saturating_add(x as i32) >> TILE;
+        let column = |x: f32| self.centre.x.saturating_add(x as i32) >> TILE_SHIFT;
         let (from, to) = (at_most(ridge_low, ridge_high) - half_width, at_least(ridge_low, ridge_high) + half_width);
         [column(self.centre.offset_x + from - 1.0), column(self.centre.offset_x + to + 1.0)]
     }

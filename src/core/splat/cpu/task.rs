@@ -30,8 +30,8 @@ pub(super) struct DrawTask<'a> {
 
 /// A drawn band.
 pub struct BandResult {
-    /// The band's pixels.
-    pub pixels: TileBuffer,
+    /// The band's pixels, in tiles.
+    pub tiles: TileBuffer,
     /// The work that it took.
     pub stats: BandStats,
 }
@@ -183,9 +183,9 @@ pub(super) fn combine(
     frame.fill_rows(settings.threads, |y, row| {
         let y = i32::try_from(y).unwrap_or(i32::MAX);
         for band in bands {
-            let rect = band.pixels.rect;
+            let rect = band.tiles.rect;
             if (rect.y0..rect.y1).contains(&y) {
-                band.pixels.visit_row(y, |x, values| put(&mut row[x.unsigned_abs() as usize], values));
+                band.tiles.visit_row(y, |x, values| put(&mut row[x.unsigned_abs() as usize], values));
             }
         }
     });

@@ -17,10 +17,10 @@ use super::blend::Blend;
 use crate::error::Result;
 use crate::splat::frame::zeroed;
 
-/// Side of a tile in pixels, as a power of 2.
-pub(super) const TILE: i32 = 2;
+/// Base-2 logarithm of the side of a tile in pixels.
+pub(super) const TILE_SHIFT: i32 = 2;
 /// Number of pixels of a tile.
-pub(super) const TILE_PIXELS: usize = 1 << (2 * TILE);
+pub(super) const TILE_PIXELS: usize = 1 << (2 * TILE_SHIFT);
 /// For each pixel of a tile: its column in the tile.
 pub(super) const COLUMN: [f32; TILE_PIXELS] = [0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3.];
 /// For each pixel of a tile: its row in the tile.
@@ -72,7 +72,7 @@ impl PixelTile {
     #[inline(always)]
     fn row<S: Simd>(&self, simd: S, y: usize, transmits: bool) -> [f32x4<S>; 4] {
         let [red, green, blue, alpha] =
-            self.0.each_ref().map(|plane| f32x4::from_slice(simd, &plane[y << TILE..(y + 1) << TILE]));
+            self.0.each_ref().map(|plane| f32x4::from_slice(simd, &plane[y << TILE_SHIFT..(y + 1) << TILE_SHIFT]));
         [red, green, blue, if transmits { 1.0 - alpha } else { alpha }]
     }
 }
@@ -113,21 +113,22 @@ pub struct TileBuffer {
     /// The state of each tile.
     states: Vec<u8>,
     /// For each tile: whether its pixels may still change.
-    pub(super) open: BitRows,
+    pub(super) open_tiles: BitRows,
 }
 
 impl TileBuffer {
     /// Creates the pixels of `rect`, which is not empty, with colours 0 and alphas `initial_alpha`.
     pub fn new(rect: Rect, initial_alpha: f32) -> Result<TileBuffer> {
-        let (tiles, states, open) = (Box::default(), Vec::new(), BitRows::default());
-        let mut buffer = TileBuffer { rect, initial_alpha, pitch: 0, tiles, states, open };
+        let (tiles, states, open_tiles) = (Box::default(), Vec::new(), BitRows::default());
+        let mut buffer = TileBuffer { rect, initial_alpha, pitch: 0, tiles, states, open_tiles };
         buffer.restart(rect)?;
         Ok(buffer)
     }
 
     /// Makes these the pixels of another rectangle, all fresh. Allocates memory only if there is too little.
     pub(super) fn restart(&mut self, rect: Rect) -> Result<()> {
-        let tiles_along = |low: i32, high: i32| usize::try_from(((high - 1) >> TILE) - (low >> TILE) + 1).unwrap_or(0);
+        let tiles_along =
+            |low: i32, high: i32| usize::try_from(((high - 1) >> TILE_SHIFT) - (low >> TILE_SHIFT) + 1).unwrap_or(0);
         let (columns, rows) = (tiles_along(rect.x0, rect.x1), tiles_along(rect.y0, rect.y1));
         (self.rect, self.pitch) = (rect, pitch_for(columns));
         let count = self.pitch * rows;
@@ -136,15 +137,15 @@ impl TileBuffer {
         }
         self.states.clear();
         self.states.resize(count, FRESH);
-        self.open = BitRows::new(columns, rows);
-        (0..rows).for_each(|row| self.open.set(row, [0, columns - 1]));
+        self.open_tiles = BitRows::new(columns, rows);
+        (0..rows).for_each(|row| self.open_tiles.set(row, [0, columns - 1]));
         Ok(())
     }
 
     /// Returns the index of the tile in `column` and `row` of the picture's grid, which meets the rectangle.
     #[inline(always)]
     fn index(&self, column: i32, row: i32) -> usize {
-        (row - (self.rect.y0 >> TILE)) as usize * self.pitch + (column - (self.rect.x0 >> TILE)) as usize
+        (row - (self.rect.y0 >> TILE_SHIFT)) as usize * self.pitch + (column - (self.rect.x0 >> TILE_SHIFT)) as usize
     }
 
     /// Returns the index and values of the tile in `column` and `row` of the picture's grid; `None` if it is frozen.
@@ -162,10 +163,10 @@ impl TileBuffer {
     /// Sets the colours and the initial alpha of a fresh tile's pixels. Outside the rectangle alpha is 0, so that the tile can freeze.
     #[inline(never)]
     fn open(&mut self, index: usize, column: i32, row: i32) {
-        let (x0, y0) = (column << TILE, row << TILE);
+        let (x0, y0) = (column << TILE_SHIFT, row << TILE_SHIFT);
         self.tiles[index] = PixelTile::zeroed();
         for (i, alpha) in (0..).zip(&mut self.tiles[index].0[3]) {
-            let (x, y) = (x0 + (i & 3), y0 + (i >> TILE));
+            let (x, y) = (x0 + (i & 3), y0 + (i >> TILE_SHIFT));
             let inside = (self.rect.x0..self.rect.x1).contains(&x) && (self.rect.y0..self.rect.y1).contains(&y);
             *alpha = if inside { self.initial_alpha } else { 0.0 };
         }
@@ -176,15 +177,16 @@ impl TileBuffer {
     #[inline(never)]
     pub(super) fn freeze(&mut self, index: usize, column: i32, row: i32) {
         self.states[index] = FROZEN;
-        self.open.clear((row - (self.rect.y0 >> TILE)) as usize, (column - (self.rect.x0 >> TILE)) as usize);
+        self.open_tiles
+            .clear((row - (self.rect.y0 >> TILE_SHIFT)) as usize, (column - (self.rect.x0 >> TILE_SHIFT)) as usize);
     }
 
     /// Freezes those tiles, on which nothing was drawn yet, that are `chosen` by column and row of the picture's grid. Their
     /// colours and alphas are 0.
     pub(super) fn freeze_fresh(&mut self, chosen: impl Fn(i32, i32) -> bool) {
         let Rect { x0, y0, x1, y1 } = self.rect;
-        for row in y0 >> TILE..=(y1 - 1) >> TILE {
-            for column in (x0 >> TILE..=(x1 - 1) >> TILE).filter(|column| chosen(*column, row)) {
+        for row in y0 >> TILE_SHIFT..=(y1 - 1) >> TILE_SHIFT {
+            for column in (x0 >> TILE_SHIFT..=(x1 - 1) >> TILE_SHIFT).filter(|column| chosen(*column, row)) {
                 let index = self.index(column, row);
                 self.tiles[index] = PixelTile::zeroed();
                 self.freeze(index, column, row);
@@ -195,10 +197,10 @@ impl TileBuffer {
     /// Returns whether all tiles that meet `rect`, a part of the band, are frozen.
     #[inline(always)]
     pub(super) fn is_frozen(&self, rect: Rect) -> bool {
-        let tile = |at: i32, first: i32| ((at >> TILE) - (first >> TILE)) as usize;
+        let tile = |at: i32, first: i32| ((at >> TILE_SHIFT) - (first >> TILE_SHIFT)) as usize;
         let columns = [rect.x0, rect.x1 - 1].map(|x| tile(x, self.rect.x0));
         let rows = [rect.y0, rect.y1 - 1].map(|y| tile(y, self.rect.y0));
-        !self.open.any_in(rows, columns)
+        !self.open_tiles.any_in(rows, columns)
     }
 
     /// Returns the number of tiles, with what pads their rows.
@@ -208,7 +210,7 @@ impl TileBuffer {
 
     /// Returns the values of pixel (`x`, `y`), which lies in the rectangle.
     pub(super) fn pixel(&self, x: i32, y: i32) -> [f32; 4] {
-        let index = self.index(x >> TILE, y >> TILE);
+        let index = self.index(x >> TILE_SHIFT, y >> TILE_SHIFT);
         match self.states[index] {
             FRESH => [0.0, 0.0, 0.0, self.initial_alpha],
             _ => self.tiles[index].0.map(|plane| plane[index_in_tile(x, y)]),
@@ -217,9 +219,9 @@ impl TileBuffer {
 
     /// Sets the values of pixel (`x`, `y`), which lies in the rectangle.
     pub(super) fn set_pixel(&mut self, x: i32, y: i32, values: [f32; 4]) {
-        let index = self.index(x >> TILE, y >> TILE);
+        let index = self.index(x >> TILE_SHIFT, y >> TILE_SHIFT);
         if self.states[index] == FRESH {
-            self.open(index, x >> TILE, y >> TILE);
+            self.open(index, x >> TILE_SHIFT, y >> TILE_SHIFT);
         }
         for (plane, value) in self.tiles[index].0.iter_mut().zip(values) {
             plane[index_in_tile(x, y)] = value;
@@ -229,11 +231,11 @@ impl TileBuffer {
     /// Calls `visit` with the column and the values of each pixel of row `y`; leaves out tiles on which nothing was drawn.
     pub(super) fn visit_row(&self, y: i32, mut visit: impl FnMut(i32, [f32; 4])) {
         let Rect { x0, x1, .. } = self.rect;
-        for column in x0 >> TILE..=(x1 - 1) >> TILE {
-            let index = self.index(column, y >> TILE);
+        for column in x0 >> TILE_SHIFT..=(x1 - 1) >> TILE_SHIFT {
+            let index = self.index(column, y >> TILE_SHIFT);
             if self.states[index] != FRESH {
                 let PixelTile(values) = &self.tiles[index];
-                for x in x0.max(column << TILE)..x1.min((column + 1) << TILE) {
+                for x in x0.max(column << TILE_SHIFT)..x1.min((column + 1) << TILE_SHIFT) {
                     visit(x, values.map(|plane| plane[index_in_tile(x, y)]));
                 }
             }
@@ -252,24 +254,24 @@ impl TileBuffer {
         pixels: &mut [[f32; 4]],
         columns: usize,
     ) {
-        let [across, down] = halves.map(|halved| (1 << TILE) >> u32::from(halved));
+        let [across, down] = halves.map(|halved| (1 << TILE_SHIFT) >> u32::from(halved));
         for (row, pixels) in pixels.chunks_exact_mut(columns * down).enumerate() {
             for (column, tile) in self.drawn_tiles(row) {
                 if halves == [false; 2] {
                     for (y, row) in pixels.chunks_exact_mut(columns).enumerate() {
-                        let row = &mut row[column << TILE..(column + 1) << TILE];
+                        let row = &mut row[column << TILE_SHIFT..(column + 1) << TILE_SHIFT];
                         f32x4::store_four_interleaved(tile.row(simd, y, transmits), row.as_flattened_mut());
                     }
                     continue;
                 }
-                let mut lines = [[[0.0; 4]; 1 << TILE]; 1 << TILE];
+                let mut lines = [[[0.0; 4]; 1 << TILE_SHIFT]; 1 << TILE_SHIFT];
                 for (y, line) in lines.iter_mut().enumerate() {
                     f32x4::store_four_interleaved(tile.row(simd, y, transmits), line.as_flattened_mut());
                 }
-                let each = (1 << TILE) / down;
+                let each = (1 << TILE_SHIFT) / down;
                 for (lines, row) in lines.chunks_exact(each).zip(pixels.chunks_exact_mut(columns)) {
                     let row = &mut row[column * across..(column + 1) * across];
-                    halve_rows(lines.as_flattened(), 1 << TILE, halves, row);
+                    halve_rows(lines.as_flattened(), 1 << TILE_SHIFT, halves, row);
                 }
             }
         }
@@ -302,7 +304,7 @@ pub(super) fn halve_rows(pixels: &[[f32; 4]], columns: usize, halves: [bool; 2],
 /// Returns a pixel's index in the values of its tile.
 #[inline(always)]
 fn index_in_tile(x: i32, y: i32) -> usize {
-    ((y & 3) << TILE | (x & 3)) as usize
+    ((y & 3) << TILE_SHIFT | (x & 3)) as usize
 }
 
 /// Returns a row pitch, in tiles, of at least `tiles`. It avoids that tiles of up to three neighbouring rows have the

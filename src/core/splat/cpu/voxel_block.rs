@@ -8,7 +8,7 @@ use crate::traverse::Batch;
 
 /// Number of voxels in a block, so small that all arrays of a block stay in the first-level cache.
 pub const BLOCK: usize = 128;
-/// How many voxels are added to a block together, and where their line has gaps, tested for visibility together before.
+/// Number of voxels that are added to a block together. Where their line has gaps, they are first tested for visibility together.
 pub const GROUP: usize = 16;
 
 /// Yields the coordinates of a block's voxels along the slow, medium and fast axis, for every index below [`BLOCK`].

@@ -8,7 +8,7 @@
 //! ceiling = tables + copies in flight + chunk (voxels, splats, boxes, masks) + pixels (accumulated, read back) + lanes
 //! ```
 
-use super::layout::{BATCH, SUMMARY_WORDS, Splat, TILE, VisitedVoxel};
+use super::layout::{BATCH, SUMMARY_WORDS, Splat, TILE_SIDE, VisitedVoxel};
 use super::lines::LaneSize;
 use crate::arena::TileRecord;
 use crate::error::{Error, Result};
@@ -32,7 +32,7 @@ const MIN_LANE_BYTES: u64 = 1 << 20; // The fewest bytes that must be left for a
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct MemoryPlan {
     pub(crate) slots: u32,       // Records of a chunk.
-    pub(crate) window_rows: u32, // Rows of pixels that are drawn at a time: a multiple of [`TILE`], or all.
+    pub(crate) window_rows: u32, // Rows of pixels that are drawn at a time: a multiple of [`TILE_SIDE`], or all.
     pub(crate) room: LaneSize,   // How much of the lanes may be on the device at a time.
 }
 
@@ -57,8 +57,8 @@ impl MemoryPlan {
         let base = FIXED_BYTES + table_bytes + in_flight(ceiling);
         // This returns the bytes of a window's pixels, and of its masks.
         let window = |tile_rows: u64, slots: u64| {
-            let tiles = columns.div_ceil(TILE.into()) * tile_rows;
-            let pixel_rows = (tile_rows * u64::from(TILE)).min(rows);
+            let tiles = columns.div_ceil(TILE_SIDE.into()) * tile_rows;
+            let pixel_rows = (tile_rows * u64::from(TILE_SIDE)).min(rows);
             let row = columns * PIXEL_BYTES;
             [pixel_rows * (row + row.next_multiple_of(ROW_ALIGNMENT)), tiles * mask_words(slots) * 4]
         };
@@ -81,14 +81,14 @@ impl MemoryPlan {
             let [pixels, masks] = window(tile_rows, slots);
             pixels + masks <= max_window && pixels / 2 <= max_binding && masks <= max_binding
         };
-        let tile_rows = (1..=rows.div_ceil(TILE.into())).rev().find(fits).unwrap_or(1);
+        let tile_rows = (1..=rows.div_ceil(TILE_SIDE.into())).rev().find(fits).unwrap_or(1);
         let room = LaneSize {
             bytes: free.saturating_sub(chunk(slots) + window_bytes(tile_rows, slots)).max(MIN_LANE_BYTES),
             records: max_binding / widest_channel,
             lines: max_binding / MAX_LINE_BYTES,
             tiles: max_binding / size_of::<TileRecord>() as u64,
         };
-        let window_rows = u32::try_from((tile_rows * u64::from(TILE)).min(rows)).expect("a picture's rows");
+        let window_rows = u32::try_from((tile_rows * u64::from(TILE_SIDE)).min(rows)).expect("a picture's rows");
         Ok(MemoryPlan { slots: u32::try_from(slots).expect("below 2^32"), window_rows, room })
     }
 

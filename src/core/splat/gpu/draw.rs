@@ -12,7 +12,7 @@ use super::budget::{BOX_BYTES, MemoryPlan, mask_words};
 use super::buffers::BufferName;
 use super::chunks::{Chunks, WindowView};
 use super::context::Context;
-use super::layout::{BATCH, Chunk, FrameUniform, LineBlock, Splat, TILE, VisitedVoxel};
+use super::layout::{BATCH, Chunk, FrameUniform, LineBlock, Splat, TILE_SIDE, VisitedVoxel};
 use super::lines::{LINE_BYTES, LineList, Slab, line_count};
 use super::probe::{Probe, ProbeCallback};
 use super::read_back::{self, COUNTERS};
@@ -124,7 +124,7 @@ impl FrameDraw<'_, '_, '_> {
     /// Draws a window; returns the number of records that were walked.
     fn window(&mut self, window: [i32; 4]) -> Result<u64> {
         let [width, height] = extent(window);
-        let tiles = [width.div_ceil(TILE), height.div_ceil(TILE)];
+        let tiles = [width.div_ceil(TILE_SIDE), height.div_ceil(TILE_SIDE)];
         let mask_words = mask_words(self.plan.slots.into());
 
         let (context, buffers) = (&self.context, &mut self.renderer.resident.buffers);

@@ -23,7 +23,7 @@ use crate::traverse::{AxisOrder, Sense, SplitForm};
 
 pub const LINES: u32 = 64; // Most lines of a block, and invocations of a workgroup of the walk.
 pub const BATCH: u32 = 256; // Splats of a batch, and invocations of a workgroup of the other stages.
-pub const TILE: u32 = 16; // Side of a tile of the picture, in pixels.
+pub const TILE_SIDE: u32 = 16; // Side of a tile of the picture, in pixels.
 pub const SUMMARY_WORDS: u32 = 8; // 32-bit words of the summary of a tile's mask.
 pub const NO_RECORD: u32 = u32::MAX; // The value of `record` in a slot without a voxel.
 pub const NOTHING: u32 = 1; // `columns` and `rows` of a splat without pixels: first pixel 1, last pixel 0.
@@ -199,7 +199,7 @@ impl FrameUniform {
                 camera_from_voxel
             }
         };
-        if shot.maximum {
+        if shot.is_maximum {
             uniform.set_rays(&Rays::new(shot));
         }
         for (r, map) in maps.iter().enumerate() {
@@ -241,7 +241,7 @@ impl FrameUniform {
         uniform.coverage_bits = channels.coverage_bits.into();
         uniform.widths = widths.0.map(|[near, middle, far]| [near, middle, far, 0.0]);
         uniform.picture_rows = view.size[1];
-        uniform.tile_columns = ((window[2] - window[0]).cast_unsigned()).div_ceil(TILE);
+        uniform.tile_columns = ((window[2] - window[0]).cast_unsigned()).div_ceil(TILE_SIDE);
         uniform
     }
 

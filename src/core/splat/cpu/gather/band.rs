@@ -19,6 +19,7 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::time::Instant;
 
+use super::SLACK;
 use super::lists::Lists;
 use super::look_tables::LookTables;
 use super::scan_line::{OneWay, ends, same};
@@ -33,12 +34,9 @@ use crate::splat::cpu::dispatch;
 use crate::splat::cpu::lattice::{Footprints, Lattice, Slice};
 use crate::splat::cpu::project::{Projector, limited};
 use crate::splat::cpu::task::{BandStats, DrawTask};
-use crate::splat::cpu::tile_buffer::{Rect, TILE, TileBuffer};
+use crate::splat::cpu::tile_buffer::{Rect, TILE_SHIFT, TileBuffer};
 use crate::splat::cpu::voxel_block::{GROUP, VoxelBlock};
 use crate::traverse::{Batch, Visitor, VoxelBox};
-
-/// Slack of rounded bounds, in voxels or pixels of the plane.
-const SLACK: f64 = 1e-3;
 
 /// Draws the rows of tiles from `first` to before `end`; `shown` tells which tiles of the plane the picture may show. The band then
 /// has their pixels.
@@ -69,7 +67,7 @@ struct LatticePainter<'a, 'b, B> {
 
 impl<B: Blend> Visitor for LatticePainter<'_, '_, B> {
     fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
-        let [slow, medium, _] = self.task.projector.nesting;
+        let [slow, medium, _] = self.task.projector.slow_medium_fast;
         let rows = [bounds.low[slow], bounds.high[slow]]
             .map(|slow| self.band.rows_near(&self.band.lattice.slice(slow), [bounds.low[medium], bounds.high[medium]]));
         let (low, high) = (rows[0][0].min(rows[1][0]), rows[0][1].max(rows[1][1]));
@@ -77,7 +75,7 @@ impl<B: Blend> Visitor for LatticePainter<'_, '_, B> {
     }
 
     fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
-        let [slow, medium, fast] = self.task.projector.nesting;
+        let [slow, medium, fast] = self.task.projector.slow_medium_fast;
         let band = &*self.band;
         let slice = band.lattice.slice(bounds.low[slow]);
         let [low, high] = band.rows_near(&slice, [bounds.low[medium], bounds.high[medium]]);
@@ -86,7 +84,7 @@ impl<B: Blend> Visitor for LatticePainter<'_, '_, B> {
             return false;
         }
         let [left, right] = band.tiles_near(0, &slice, [bounds.low[fast], bounds.high[fast]]);
-        (low..=high).any(|row| band.pixels.open.any(row as usize, [left, right]))
+        (low..=high).any(|row| band.tiles.open_tiles.any(row as usize, [left, right]))
     }
 
     fn visit(&mut self, batch: &Batch) {
@@ -109,7 +107,7 @@ pub(in super::super) struct Band<'a, B> {
     /// Number of columns and rows of tiles.
     pub(super) columns: usize,
     pub(super) rows: usize,
-    pub(super) pixels: TileBuffer,
+    pub(super) tiles: TileBuffer,
     slow: Option<u16>,
     slice: Slice,
     /// Rows of pixels, from the band's first on, per voxel along the medium axis; the first and the last row that the
@@ -147,12 +145,12 @@ impl<'a, B: Blend> Band<'a, B> {
         (tables, footprints): (Option<&'a LookTables>, Option<&'a Footprints>),
         rows: usize,
     ) -> Result<Band<'a, B>> {
-        let columns = lattice.size[0] as usize >> TILE;
-        let stamps = lattice.voxels_per_tile().map(|voxels| {
-            let depth = task.projector.table.only_depth().map(|depth| limited(depth, lattice.tile([0, 0]).strength()));
+        let columns = lattice.size[0] as usize >> TILE_SHIFT;
+        let stamps = lattice.voxels_per_tile().zip(lattice.strength()).map(|(voxels, strength)| {
+            let depth = task.projector.table.only_depth().map(|depth| limited(depth, strength));
             Stamps::new(lattice, voxels, depth)
         });
-        let line = task.setup.lane.dims[task.projector.nesting[2]] as usize;
+        let line = task.setup.lane.dims[task.projector.slow_medium_fast[2]] as usize;
         let has_spans = task.projector.is_on_grid() && stamps.is_none();
         Ok(Band {
             blend: PhantomData,
@@ -161,7 +159,7 @@ impl<'a, B: Blend> Band<'a, B> {
             first_row: 0,
             columns,
             rows,
-            pixels: TileBuffer::new(NO_PIXELS, B::INITIAL_ALPHA)?,
+            tiles: TileBuffer::new(NO_PIXELS, B::INITIAL_ALPHA)?,
             slow: None,
             slice: Slice::NONE,
             rows_at: [0.0; 3],
@@ -186,11 +184,11 @@ impl<'a, B: Blend> Band<'a, B> {
     fn begin(&mut self, shown: &[bool], [first, end]: [i32; 2]) -> Result<()> {
         let columns = self.columns;
         (self.first_row, self.rows) = (first, (end - first) as usize);
-        let rect = Rect { x0: 0, y0: first << TILE, x1: (columns << TILE) as i32, y1: end << TILE };
-        self.pixels.restart(rect)?;
+        let rect = Rect { x0: 0, y0: first << TILE_SHIFT, x1: (columns << TILE_SHIFT) as i32, y1: end << TILE_SHIFT };
+        self.tiles.restart(rect)?;
         let shown = shown[columns * first as usize..columns * end as usize].iter();
         for (tile, _) in shown.enumerate().filter(|(_, is_shown)| !**is_shown) {
-            self.pixels.open.clear(tile / columns, tile % columns);
+            self.tiles.open_tiles.clear(tile / columns, tile % columns);
         }
         (self.slow, self.together_of, self.drawn) = (None, None, 0);
         self.shown_at.fill(None);
@@ -206,7 +204,7 @@ impl<'a, B: Blend> Band<'a, B> {
         // A kernel reaches pixels whose rays are steeper or flatter than the voxel's own.
         let around = self.lattice.farthest(slice, side);
         let reach = self.lattice.reach(side, [low - around, high + around]) / slice.step[side] + SLACK;
-        [((low - reach).ceil() as i32) >> TILE, ((high + reach).floor() as i32) >> TILE]
+        [((low - reach).ceil() as i32) >> TILE_SHIFT, ((high + reach).floor() as i32) >> TILE_SHIFT]
     }
 
     /// Returns the first and last row of tiles, counted from the band's first, that kernels of these voxels may reach.
@@ -217,9 +215,9 @@ impl<'a, B: Blend> Band<'a, B> {
 
     /// Finds the map from the medium axis to rows of tiles of the slice at hand.
     fn set_rows(&mut self) {
-        let (slice, first) = (&self.slice, f64::from(self.first_row << TILE));
+        let (slice, first) = (&self.slice, f64::from(self.first_row << TILE_SHIFT));
         let around = self.lattice.farthest(slice, 1);
-        let band = [first - around, first + f64::from((self.rows as i32) << TILE) + around];
+        let band = [first - around, first + f64::from((self.rows as i32) << TILE_SHIFT) + around];
         let reach = self.lattice.reach(1, band) / slice.step[1] + SLACK;
         let zero = -slice.origin[1] / slice.step[1] - first;
         self.rows_at = [1.0 / slice.step[1], zero - reach, zero + reach];
@@ -232,7 +230,7 @@ impl<'a, B: Blend> Band<'a, B> {
         let at = f64::from(medium) * per_voxel;
         // Positive numbers round down when they become integers; what is before the band does not matter.
         let (low, high) = ((at + low + 1.0).max(0.0) as i32, (at + high).max(-1.0).floor() as i32);
-        [low >> TILE, (high >> TILE).min(self.rows as i32 - 1)]
+        [low >> TILE_SHIFT, (high >> TILE_SHIFT).min(self.rows as i32 - 1)]
     }
 
     /// Adds those of a batch's voxels that open tiles may show.
@@ -254,7 +252,8 @@ impl<'a, B: Blend> Band<'a, B> {
             let medium = batch.medium[from];
             let to = from + same(&batch.medium[from..]);
             let [low, high] = self.rows_of(medium);
-            let ends = projector.clip.on_line(projector.nesting[2], projector.unnested([batch.slow, medium, 0]));
+            let ends =
+                projector.clip.on_line(projector.slow_medium_fast[2], projector.unnested([batch.slow, medium, 0]));
             if low <= high && ends[0] <= ends[1] {
                 self.show(batch.slow, [low as usize, high as usize], projector);
                 self.add(projector, batch, from..to, ends, [low as usize, high as usize]);
@@ -294,11 +293,11 @@ impl<'a, B: Blend> Band<'a, B> {
     /// Computes `shown` of a row of tiles.
     #[inline(always)]
     fn show_row(&mut self, row: usize, projector: &Projector) {
-        let Band { lattice, slice, pixels, shown, .. } = self;
+        let Band { lattice, slice, tiles, shown, .. } = self;
         shown.clear_row(row);
-        let fast = projector.nesting[2];
+        let fast = projector.slow_medium_fast[2];
         let last = projector.lane.dims[fast] as i32 - 1;
-        pixels.open.each_run(row, |[left, right]| {
+        tiles.open_tiles.each_run(row, |[left, right]| {
             let ends = [4.0 * left as f64, 4.0 * right as f64 + 3.0];
             let reach = lattice.reach(0, ends) + SLACK;
             let from = (slice.origin[0] + slice.step[0] * ends[0] - reach).ceil() as i32;
@@ -399,18 +398,18 @@ impl<'a, B: Blend> Band<'a, B> {
         if projector.is_on_grid() {
             slab.fasts[range.clone()].copy_from_slice(fasts);
             match stamps {
-                Some(stamps) => stamps.number(slab.last_slice(), [fasts, mediums], &mut slab.stamps[range]),
+                Some(stamps) => stamps.number(slab.last_slice(), [fasts, mediums], &mut slab.weight_keys[range]),
                 None => lattice.set_places(slice, [fasts, mediums], &mut slab.places[range]),
             }
         } else {
             let tiles = [&mut slab.columns[range.clone()], &mut slab.rows[range.clone()]];
             match footprints {
                 Some(footprints) => {
-                    footprints.place_block(voxels, &projector.lane, slice, &mut slab.stamps[range], tiles);
+                    footprints.place_block(voxels, &projector.lane, slice, &mut slab.weight_keys[range], tiles);
                 }
                 None => {
-                    let places = (&mut slab.places[range.clone()], &mut slab.stamps[range]);
-                    lattice.set_places_beside(slice, &projector.displaced(voxels), places, tiles);
+                    let places = (&mut slab.places[range.clone()], &mut slab.weight_keys[range]);
+                    lattice.set_places_displaced(slice, &projector.displaced(voxels), places, tiles);
                 }
             }
         }
@@ -423,8 +422,10 @@ impl<'a, B: Blend> Band<'a, B> {
             for (look, &record) in looks.iter_mut().zip(&voxels.records) {
                 look[3] = limited(look[3], footprints.strength(projector.lane.coverage_code(record)));
             }
-        } else if tables.is_none() && lattice.is_parallel() && !lattice.is_beside() {
-            let strength = lattice.tile([0, 0]).strength();
+        } else if tables.is_none()
+            && !lattice.is_displaced()
+            && let Some(strength) = lattice.strength()
+        {
             looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
         }
         self.drawn += looks.iter().filter(|look| look[3] > 0.0).count() as u64;

@@ -18,7 +18,7 @@ pub(super) const TOGETHER: usize = LONGEST - FULL as usize;
 /// Number of tiles whose lists grow at once when a single splat is put on them.
 const TILES: usize = 2;
 /// Number of splats of a run that are put on a list at once: a vector.
-const VECTOR: usize = 8;
+const VECTOR_WIDTH: usize = 8;
 
 /// The splats that wait for a tile. A list's length lies near its splats and far from other lengths, so that a processor
 /// never loads together what it stored one by one.
@@ -29,7 +29,7 @@ struct List {
     /// 1 if the tile is open, else 0.
     grows: u32,
     /// The last few are beyond the end of a full list, where a vector may reach.
-    splats: [[u32; VECTOR]; LONGEST / VECTOR + 1],
+    splats: [[u32; VECTOR_WIDTH]; LONGEST / VECTOR_WIDTH + 1],
 }
 
 impl List {
@@ -92,10 +92,10 @@ impl Lists {
             lengths |= list.count;
             while end < list.count as usize {
                 let room = &mut list.splats.as_flattened_mut()[end % LONGEST..];
-                for (splat, place) in (splat..).zip(room[..VECTOR].iter_mut()) {
+                for (splat, place) in (splat..).zip(room[..VECTOR_WIDTH].iter_mut()) {
                     *place = splat;
                 }
-                (end, splat) = (end + VECTOR, splat + VECTOR as u32);
+                (end, splat) = (end + VECTOR_WIDTH, splat + VECTOR_WIDTH as u32);
             }
         }
         lengths

@@ -8,7 +8,7 @@ use multiversion::multiversion;
 use crate::classify::normal::{self, Coherence};
 use crate::splat::composite::Look;
 use crate::splat::cpu::lattice::Lattice;
-use crate::splat::cpu::project::{Projector, limited};
+use crate::splat::cpu::project::{Projector, VECTOR_WIDTH, limited};
 use crate::splat::cpu::voxel_block::{BLOCK, VoxelBlock};
 use crate::splat::shade::Lights;
 use crate::splat::view::PixelMap;
@@ -34,8 +34,9 @@ impl LookTables {
             return None;
         }
         let mut looks = Box::new(*projector.table.of_bytes()?);
-        if projector.is_on_grid() {
-            let strength = lattice.tile([0, 0]).strength();
+        if let Some(strength) = lattice.strength()
+            && projector.is_on_grid()
+        {
             looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
         }
         let light = projector.lights.as_ref().map(|lights| {
@@ -93,15 +94,14 @@ impl LookTables {
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
 fn light_of_codes(lights: &Lights, has_coherence: bool, light: &mut [[f32; 2]; 1 << 16]) {
     // Local arrays, which the compiler knows not to overlap with others, are computed with vector instructions.
-    const LANES: usize = 16;
     let lights = *lights;
-    for (first, light) in (0u32..).step_by(LANES).zip(light.as_chunks_mut::<LANES>().0) {
-        let (mut factors, mut highlights) = ([0.0; LANES], [0.0; LANES]);
-        for k in 0..LANES {
+    for (first, light) in (0u32..).step_by(VECTOR_WIDTH).zip(light.as_chunks_mut::<VECTOR_WIDTH>().0) {
+        let (mut factors, mut highlights) = ([0.0; VECTOR_WIDTH], [0.0; VECTOR_WIDTH]);
+        for k in 0..VECTOR_WIDTH {
             let code = first + k as u32;
             [factors[k], highlights[k]] = lights.shade(normal::decode8(code as u16), lights.eye);
         }
-        for k in 0..LANES {
+        for k in 0..VECTOR_WIDTH {
             let code = first + k as u32;
             let shade = [factors[k], highlights[k]];
             light[k] = if has_coherence { lights.scatter(shade, Coherence::of_code(code, 8)) } else { shade };

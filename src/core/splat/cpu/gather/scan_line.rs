@@ -35,7 +35,7 @@ pub(super) fn ends(coordinates: &[u16]) -> [u16; 2] {
     }
 }
 
-/// A line that has gaps and at most so many voxels is tested in groups.
+/// Most voxels of a line with gaps that is tested in groups.
 const SHORT: usize = 2 * GROUP;
 
 /// The voxels of a line that is visited from one end to the other.

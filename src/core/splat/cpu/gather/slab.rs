@@ -77,8 +77,9 @@ pub(super) struct Slab {
     /// Red, green, blue, and the optical depth in units of ln 2: at the splat's centre if all tiles have one strength, else for a tile
     /// of strength 1.
     looks: Box<[[f32; 4]]>,
-    /// With stamps or footprints: the number of the weights for the first tile of the plane.
-    pub(super) stamps: Box<[i32]>,
+    /// Where the voxel's weights come from. With stamps, the number of its stamp, and with footprints, that of its weights: each for the
+    /// first tile of the plane. With neither, of displaced voxels: the shape of its kernel.
+    pub(super) weight_keys: Box<[i32]>,
     /// In a perspective: where the voxel is on the plane.
     pub(super) places: Box<[Place]>,
 }
@@ -98,7 +99,7 @@ impl Slab {
             columns: zeroed(room)?,
             rows: zeroed(room)?,
             looks: zeroed(room)?,
-            stamps: zeroed(room)?,
+            weight_keys: zeroed(room)?,
             places: zeroed(room)?,
         })
     }
@@ -216,8 +217,8 @@ impl Slab {
     }
 
     #[inline(always)]
-    pub(super) fn stamp(&self, splat: u32) -> Option<i32> {
-        self.stamps.get(splat as usize).copied()
+    pub(super) fn weight_key(&self, splat: u32) -> Option<i32> {
+        self.weight_keys.get(splat as usize).copied()
     }
 
     #[inline(always)]

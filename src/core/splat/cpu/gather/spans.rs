@@ -3,12 +3,10 @@
 //! In: a lattice and a slice, whose voxels lie on points of the grid. Out: for each column and row of tiles of a band, the first and
 //! the last coordinate, along the fast or the medium axis, of the voxels that reach it. They are computed once for a slice.
 
+use super::SLACK;
 use super::slab::SLICES;
 use crate::splat::cpu::lattice::{Lattice, Slice};
-use crate::splat::cpu::tile_buffer::TILE;
-
-/// Slack of rounded bounds, in voxels.
-const SLACK: f64 = 1e-3;
+use crate::splat::cpu::tile_buffer::TILE_SHIFT;
 
 /// The spans of the slices of a slab: of columns along the fast axis, of rows along the medium axis.
 pub(super) struct Spans {
@@ -29,13 +27,13 @@ impl Spans {
     #[inline(always)]
     pub(super) fn set(&mut self, index: usize, lattice: &Lattice, slice: &Slice, first_row: i32) {
         let per_voxel = 0.25 / slice.step[0];
-        let reach = lattice.kernel_reach(0, [0.0, f64::from((self.size[0] as u32) << TILE)]) + SLACK;
+        let reach = lattice.kernel_reach(0, [0.0, f64::from((self.size[0] as u32) << TILE_SHIFT)]) + SLACK;
         let last = reach - slice.origin[0];
         self.columns[index] = [per_voxel, (-reach - slice.origin[0]) * per_voxel - 0.75, last * per_voxel];
         for (side, first) in [0, first_row].into_iter().enumerate() {
             let tiles = self.size[side];
             for (tile, span) in (first..).zip(&mut self.spans[side][index * tiles..(index + 1) * tiles]) {
-                let pixels = [tile << TILE, (tile << TILE) + 3].map(f64::from);
+                let pixels = [tile << TILE_SHIFT, (tile << TILE_SHIFT) + 3].map(f64::from);
                 let reach = lattice.kernel_reach(side, pixels) + SLACK;
                 let [low, high] = pixels.map(|pixel| slice.origin[side] + slice.step[side] * pixel);
                 *span = [(low - reach).ceil() as i32, (high + reach).floor() as i32];

@@ -3,14 +3,12 @@
 //! In: a lattice and a slice. Out: for each place that a voxel may have beside a tile, the weights at the tile's sixteen
 //! pixels. All tiles of a slice see the same lattice of voxels, so the weights are computed once for a slice.
 
+use super::SLACK;
 use super::slab::SLICES;
 use crate::splat::cpu::blend::Blend;
 use crate::splat::cpu::lattice::{Lattice, Place, Slice};
 use crate::splat::cpu::tile_buffer::TILE_PIXELS;
 use crate::splat::cpu::voxel_block::BLOCK;
-
-/// Slack of rounded bounds, in voxels.
-const SLACK: f64 = 1e-3;
 
 /// What the kernels that reach a tile weigh at its pixels, for the slices of a slab.
 pub(super) struct Stamps {
@@ -99,11 +97,11 @@ impl Stamps {
     }
 
     /// Returns the first column of tiles that voxels between two places along the fast axis may reach, and the one after the last;
-    /// there are so many `tiles`.
+    /// `tiles` is the number of columns.
     #[inline(always)]
     pub(super) fn columns(&self, index: usize, [low, high]: [i32; 2], tiles: usize) -> [u16; 2] {
         let ([nearest, farthest], first) = (self.widest[index], self.first[index][0]);
-        // So many voxels in tiles, rounded down; exact for numbers below 2^20.
+        // The width of some voxels in tiles, rounded down; exact for numbers below 2^20.
         let tile = |voxels: i32| ((u64::from(voxels.max(0) as u32) * self.per_voxel) >> 32) as u16;
         let from = tile(low - first - farthest + self.voxels[0] - 1);
         let end = tile(high - first - nearest + self.voxels[0]);

@@ -50,7 +50,7 @@ impl<B: Blend> Band<'_, B> {
         row: usize,
         spans: Option<&Spans>,
     ) {
-        self.lists.begin_row(self.columns, |column| self.pixels.open.get(row, column));
+        self.lists.begin_row(self.columns, |column| self.tiles.open_tiles.get(row, column));
         let all = [0, self.columns];
         for index in 0..self.slab.lines_of(row) {
             let line = *self.slab.line(row, index);
@@ -127,8 +127,8 @@ impl<B: Blend> Band<'_, B> {
             self.taken += splats.len() as u64;
             self.visits += 1;
             let place = [column as i32, self.first_row + row as i32];
-            if !weights.blend::<B, STAMPED, ONE_DEPTH>(projector, &self.slab, splats, &mut self.pixels, place) {
-                self.pixels.open.clear(row, column);
+            if !weights.blend::<B, STAMPED, ONE_DEPTH>(projector, &self.slab, splats, &mut self.tiles, place) {
+                self.tiles.open_tiles.clear(row, column);
                 self.lists.close(column);
             }
         }

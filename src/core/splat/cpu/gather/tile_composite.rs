@@ -29,19 +29,19 @@ impl Weights<'_> {
         projector: &Projector,
         slab: &Slab,
         splats: &[u32],
-        pixels: &mut TileBuffer,
+        tiles: &mut TileBuffer,
         place: [i32; 2],
     ) -> bool {
-        let Some((_, pixels)) = pixels.tile(place[0], place[1]) else { return false };
+        let Some((_, pixels)) = tiles.tile(place[0], place[1]) else { return false };
         let (mut tile, mut is_open, stop) = (*pixels, true, projector.stop);
         if STAMPED {
             let Some(stamps) = self.stamps else { return false };
             let lower = stamps.lower(place);
             for &splat in splats {
-                let (Some(&[red, green, blue, depth]), Some(stamp)) = (slab.look(splat), slab.stamp(splat)) else {
+                let (Some(&[red, green, blue, depth]), Some(key)) = (slab.look(splat), slab.weight_key(splat)) else {
                     break;
                 };
-                let Some(stamp) = stamps.stamp(stamp - lower) else { break };
+                let Some(stamp) = stamps.stamp(key - lower) else { break };
                 if ONE_DEPTH {
                     // The stamps are of the visible codes' depth; a function may hide others.
                     if depth == 0.0 {
@@ -58,10 +58,10 @@ impl Weights<'_> {
         } else if let Some(footprints) = self.footprints {
             let later = footprints.later(place);
             for &splat in splats {
-                let (Some(&[red, green, blue, depth]), Some(stamp)) = (slab.look(splat), slab.stamp(splat)) else {
+                let (Some(&[red, green, blue, depth]), Some(key)) = (slab.look(splat), slab.weight_key(splat)) else {
                     break;
                 };
-                let weights = footprints.weights(stamp + later);
+                let weights = footprints.weights(key + later);
                 is_open = tile.blend::<B>(&amounts::<B>(weights, depth), [red, green, blue], stop);
                 if !is_open {
                     break;
@@ -70,13 +70,13 @@ impl Weights<'_> {
         } else {
             let rays = self.lattice.tile(place);
             // All shapes at once take as long as this many one by one.
-            let (is_beside, are_many) = (self.lattice.is_beside(), splats.len() > SHAPES);
-            let kernels = (is_beside && are_many).then(|| self.lattice.kernels(place));
+            let (is_displaced, are_many) = (self.lattice.is_displaced(), splats.len() > SHAPES);
+            let kernels = (is_displaced && are_many).then(|| self.lattice.kernels(place));
             let mut amounts = [[0.0; TILE_PIXELS]; FEW];
             'splats: for few in splats.chunks(FEW) {
-                let shape = |splat| Some(slab.stamp(splat)? as usize % SHAPES);
+                let shape = |splat| Some(slab.weight_key(splat)? as usize % SHAPES);
                 let count = match &kernels {
-                    None if is_beside => {
+                    None if is_displaced => {
                         let rays_of = |splat| Some(TileRays::new(place, self.lattice.kernel(place, shape(splat)?)));
                         compute_amounts::<B>(rays_of, projector.cut, slab, few, &mut amounts)
                     }

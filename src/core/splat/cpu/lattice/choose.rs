@@ -11,12 +11,11 @@ use crate::splat::view::{PixelMap, View};
 use crate::splat::{Blending, Mode, Sampling, Settings};
 use crate::traverse::{Order, Sense, VoxelBox};
 
-/// A plane is faster if it has at most so many pixels for each sample that would be drawn otherwise. Measured:
-/// docs/studies/sampling.md.
+/// The most pixels of a plane per sample of the other way at which the plane is faster. Measured: docs/studies/sampling.md.
 const MOST_PER_SAMPLE: f64 = 4.0;
-/// A plane may be large if it has at most so many pixels for each pixel of the picture, or if at most so many are kept for the warp:
-/// they take 36 to 68 MiB.
+/// The most pixels of a plane per pixel of the picture, unless few are kept for the warp.
 const MOST_PER_PIXEL: f64 = 6.5;
+/// The most kept pixels that are few: they take 36 to 68 MiB.
 const FEW_PIXELS: f64 = 2_097_152.0;
 /// Least distance between voxels, in pixels of the picture, at which a perspective x-ray is drawn on a plane: nothing
 /// hides a voxel there, and smaller footprints are drawn faster on the picture's own pixels.
@@ -25,8 +24,8 @@ const LEAST_SUMMED_STEP: f64 = 1.5;
 /// What a lattice is to show.
 pub(super) struct Subject<'a> {
     pub(super) view: &'a View,
-    /// The slow, fast and medium axis.
-    pub(super) nested: [usize; 3],
+    /// Indices of the slow, fast and medium axis.
+    pub(super) slow_fast_medium: [usize; 3],
     /// The box of the voxels, along these axes, and how far kernels reach out of it.
     pub(super) low: [f64; 3],
     pub(super) high: [f64; 3],
@@ -79,20 +78,20 @@ impl Lattice {
             return None;
         }
         let kernel = settings.kernel_of_depth(deepest, view);
-        let nested = [order.slow.index(), order.fast.index(), order.medium.index()];
+        let slow_fast_medium = [order.slow.index(), order.fast.index(), order.medium.index()];
         let widths = settings.blocks.widths(settings.fine_kernel());
         let width = f64::from(sigma_at_centre(view, bounds, settings));
         // Standard deviations of the widest kernels along the fast and the medium axis.
-        let sigmas = [1, 2].map(|n: usize| f64::from(kernel.sigma * widths.of(0)[nested[n]]));
-        let slices = f64::from(bounds.high[nested[0]] - bounds.low[nested[0]]) + 1.0;
+        let sigmas = [1, 2].map(|n: usize| f64::from(kernel.sigma * widths.of(0)[slow_fast_medium[n]]));
+        let slices = f64::from(bounds.high[slow_fast_medium[0]] - bounds.low[slow_fast_medium[0]]) + 1.0;
         let subject = Subject {
             view,
-            nested,
-            low: nested.map(|axis| f64::from(bounds.low[axis])),
-            high: nested.map(|axis| f64::from(bounds.high[axis])),
+            slow_fast_medium,
+            low: slow_fast_medium.map(|axis| f64::from(bounds.low[axis])),
+            high: slow_fast_medium.map(|axis| f64::from(bounds.high[axis])),
             reach: f64::from(kernel.radius) * 1.5 + 1.0,
             kernel,
-            squares: nested.map(|axis| std::array::from_fn(|shape| widths.of(shape)[axis].powi(2))),
+            squares: slow_fast_medium.map(|axis| std::array::from_fn(|shape| widths.of(shape)[axis].powi(2))),
             width,
             is_sum: settings.mode == Mode::Additive,
             sampling,

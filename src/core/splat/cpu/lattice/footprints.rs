@@ -14,7 +14,7 @@ use super::{Lattice, Place, Slice, TileRays, Tiles};
 use crate::arena::{Coverage, Lane};
 use crate::splat::block_kernel::{SHAPES, shape};
 use crate::splat::cpu::project::{Projector, nearest_pixel};
-use crate::splat::cpu::tile_buffer::{TILE, TILE_PIXELS};
+use crate::splat::cpu::tile_buffer::{TILE_PIXELS, TILE_SHIFT};
 use crate::splat::cpu::voxel_block::{BLOCK, VoxelBlock};
 
 /// Number of bits of a place within a pixel, along a side; number of places, and their middle, which is the pixel's centre.
@@ -39,13 +39,13 @@ pub(in super::super) struct Footprints {
     /// Last column and last row of tiles.
     last: [i32; 2],
     weights: Vec<f32>,
-    beside: Box<[Beside; CODES]>,
+    displacements: Box<[Displacement; CODES]>,
     code_shift: u32,
 }
 
-/// What a code of a place in a block stands for. Lengths are in quarters of a pixel.
+/// How a code of a place in a block displaces a voxel, and its kernel. Lengths are in quarters of a pixel.
 #[derive(Debug, Clone, Copy)]
-struct Beside {
+struct Displacement {
     /// How far the voxel is from the block's centre.
     shift: [f32; 2],
     /// How far its kernel reaches.
@@ -84,52 +84,53 @@ impl Footprints {
             compute(&TileRays::new([0, 0], kernel), &strip, projector.cut, weights.as_chunks_mut().0);
         }
         let code_shift = if channels.coverage_bits == 8 { 0 } else { SHARE_BITS };
-        let mut beside = Box::new([Beside { shift: [0.0; 2], reach: [0; 2], first: 0, strength: 0.0 }; CODES]);
-        for (code, beside) in beside.iter_mut().enumerate() {
+        let mut displacements =
+            Box::new([Displacement { shift: [0.0; 2], reach: [0; 2], first: 0, strength: 0.0 }; CODES]);
+        for (code, displacement) in displacements.iter_mut().enumerate() {
             let Coverage { offset, .. } = Coverage::of_code((code << code_shift) as u16, channels);
-            let [slow, medium, fast] = projector.nesting.map(|axis| f64::from(offset[axis]));
+            let [slow, medium, fast] = projector.slow_medium_fast.map(|axis| f64::from(offset[axis]));
             let moved = [fast - slow * slice.shift[0], medium - slow * slice.shift[1]];
             let shape = shape(offset);
-            *beside = Beside {
+            *displacement = Displacement {
                 shift: [0, 1].map(|side: usize| (moved[side] * f64::from(PLACES) / slice.step[side]) as f32),
                 reach: reach[shape],
                 first: (shape * of_shape) as i32,
                 strength: kernels[shape].strength,
             };
         }
-        let last = lattice.size.map(|side| (side >> TILE) as i32 - 1);
-        Some(Footprints { before, strips, rows, last, weights, beside, code_shift })
+        let last = lattice.size.map(|side| (side >> TILE_SHIFT) as i32 - 1);
+        Some(Footprints { before, strips, rows, last, weights, displacements, code_shift })
     }
 
-    /// Returns what the code of a coverage stands for.
+    /// Returns by how much the voxel of this code of a coverage is displaced.
     #[inline(always)]
-    fn beside(&self, code: u16) -> &Beside {
-        &self.beside[usize::from(code >> self.code_shift) % CODES]
+    fn displacement(&self, code: u16) -> &Displacement {
+        &self.displacements[usize::from(code >> self.code_shift) % CODES]
     }
 
     /// Returns the optical depth at its centre of a voxel of depth 1 with this code of a coverage.
     #[inline(always)]
     pub(in super::super) fn strength(&self, code: u16) -> f32 {
-        self.beside(code).strength
+        self.displacement(code).strength
     }
 
     /// Returns where a voxel of `slice` lies, in quarters of a pixel, from its coordinates on the fast and the medium axis and
     /// the code of its coverage.
     pub(in super::super) fn place(&self, slice: &Slice, voxel: [u16; 2], code: u16) -> [i32; 2] {
-        let shift = self.beside(code).shift;
+        let shift = self.displacement(code).shift;
         [0, 1].map(|side| quarters(slice, side, voxel[side], shift[side]))
     }
 
     /// Returns the first and the last pixel along columns (`side` 0) or rows (1) that a voxel at a place reaches.
     pub(in super::super) fn pixels(&self, side: usize, at: i32, code: u16) -> [i32; 2] {
-        let reach = self.beside(code).reach[side];
+        let reach = self.displacement(code).reach[side];
         [(at - reach + PLACES - 1) >> BITS, (at + reach) >> BITS]
     }
 
     /// Returns the weight of a voxel at a place at one of these pixels.
     pub(in super::super) fn weight(&self, at: [i32; 2], code: u16, [x, y]: [i32; 2]) -> f32 {
-        let number = self.number(at, self.beside(code).first) + self.later([x >> TILE, y >> TILE]);
-        self.weights(number)[((y & 3) << TILE | (x & 3)) as usize]
+        let number = self.number(at, self.displacement(code).first) + self.later([x >> TILE_SHIFT, y >> TILE_SHIFT]);
+        self.weights(number)[((y & 3) << TILE_SHIFT | (x & 3)) as usize]
     }
 
     /// Returns the number of the weights of a voxel at the first tile of the plane; `first` is that of its kernel's first weights.
@@ -166,7 +167,7 @@ impl Footprints {
     ) {
         let (mut shifts, mut reaches, mut firsts) = ([[0.0; BLOCK]; 2], [[0; BLOCK]; 2], [0; BLOCK]);
         for (j, &record) in voxels.records[..voxels.count.min(BLOCK)].iter().enumerate() {
-            let Beside { shift, reach, first, .. } = *self.beside(lane.coverage_code(record));
+            let Displacement { shift, reach, first, .. } = *self.displacement(lane.coverage_code(record));
             ([shifts[0][j], shifts[1][j]], [reaches[0][j], reaches[1][j]], firsts[j]) = (shift, reach, first);
         }
         let [_, mediums, fasts] = voxels.positions;
@@ -182,8 +183,8 @@ impl Footprints {
         for (side, tiles) in [columns, rows].into_iter().enumerate() {
             let last = self.last[side];
             for ((tiles, at), reach) in tiles.iter_mut().zip(&at[side]).zip(&reaches[side]) {
-                let first = ((at - reach + PLACES - 1) >> (BITS + TILE)).max(0);
-                let count = (((at + reach) >> (BITS + TILE)).min(last) + 1 - first).max(0);
+                let first = ((at - reach + PLACES - 1) >> (BITS + TILE_SHIFT)).max(0);
+                let count = (((at + reach) >> (BITS + TILE_SHIFT)).min(last) + 1 - first).max(0);
                 *tiles = Tiles { first: first as u16, count: count as u16 };
             }
         }

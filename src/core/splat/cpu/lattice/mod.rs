@@ -36,7 +36,7 @@ pub(super) use self::low_pass::LowPass;
 pub(super) use self::tile_rays::{TileRays, near_weight};
 use super::front::Front;
 use super::project::nearest_pixel;
-use super::tile_buffer::TILE;
+use super::tile_buffer::TILE_SHIFT;
 use super::voxel_block::{BLOCK, Coordinates, Displaced};
 use crate::splat::block_kernel::SHAPES;
 use crate::splat::kernel::KernelShape;
@@ -149,8 +149,8 @@ impl Lattice {
         self.low_pass.halvings.map(|halvings| halvings > 0)
     }
 
-    /// Returns whether voxels may lie beside points of the grid.
-    pub(super) fn is_beside(&self) -> bool {
+    /// Returns whether voxels may be displaced from points of the grid.
+    pub(super) fn is_displaced(&self) -> bool {
         self.spread > 0.0
     }
 
@@ -194,13 +194,13 @@ impl Lattice {
         // Voxels that are a tile apart have the same offset, bit for bit.
         let (tiles, rest) = (voxel.div_euclid(voxels[side]), voxel.rem_euclid(voxels[side]));
         let (pixel, offset) = pixel(rest);
-        (pixel.wrapping_add(tiles << TILE), offset)
+        (pixel.wrapping_add(tiles << TILE_SHIFT), offset)
     }
 
-    /// Returns where a voxel of `slice` lies on the plane that may lie beside the points of the grid. `at` are its
-    /// coordinates on the slow, medium and fast axis.
+    /// Returns the place on the plane of a voxel of `slice` that may be displaced, from its coordinates on the slow, medium and fast
+    /// axis.
     #[inline(always)]
-    pub(super) fn place_beside(slice: &Slice, [slow, medium, fast]: [f64; 3]) -> Place {
+    pub(super) fn place_displaced(slice: &Slice, [slow, medium, fast]: [f64; 3]) -> Place {
         let along = slow - slice.slow;
         let step = [0, 1].map(|side: usize| slice.step[side] + slice.growth[side] * along);
         let at = |side: usize, voxel: f64| {
@@ -226,10 +226,10 @@ impl Lattice {
         }
     }
 
-    /// Computes the places of voxels of a slice in a perspective that may lie beside points of the grid, and which columns and
-    /// rows of tiles they reach.
+    /// Computes the places of voxels of a slice that may be displaced, the shapes of their kernels, and which columns and rows of
+    /// tiles they reach.
     #[inline(always)]
-    pub(super) fn set_places_beside(
+    pub(super) fn set_places_displaced(
         &self,
         slice: &Slice,
         positions: &Displaced,
@@ -243,7 +243,7 @@ impl Lattice {
             [at[0][j], at[1][j], at[2][j]] = positions.at(j);
         }
         for j in 0..BLOCK {
-            let place = Lattice::place_beside(slice, [at[0][j], at[1][j], at[2][j]]);
+            let place = Lattice::place_displaced(slice, [at[0][j], at[1][j], at[2][j]]);
             ([pixel[0][j], pixel[1][j]], [offset[0][j], offset[1][j]]) = (place.pixel, place.offset);
             (scale[j], radius[j]) = (place.scale, self.kernel.radius / place.scale.sqrt());
         }
@@ -256,7 +256,7 @@ impl Lattice {
             };
             // The slopes of the tiles that a kernel reaches are at most this much steeper.
             let more = step * self.farthest(slice, side) as f32;
-            let last = (self.size[side] >> TILE) as i32 - 1;
+            let last = (self.size[side] >> TILE_SHIFT) as i32 - 1;
             let (mut from, mut count) = ([0; BLOCK], [0; BLOCK]);
             for j in 0..BLOCK {
                 let (pixel, offset) = (pixel[side][j], offset[side][j]);
@@ -264,8 +264,8 @@ impl Lattice {
                 let shape = usize::from(positions.shapes[j]) % SHAPES;
                 let square = self.squares[1 + side][shape] + self.squares[0][shape] * (slope * slope);
                 let reach = radius[j] * per_column[side] * square.sqrt() + 0.01;
-                let low = ((pixel + (offset - reach).ceil() as i32) >> TILE).max(0);
-                let high = ((pixel + (offset + reach).floor() as i32) >> TILE).min(last);
+                let low = ((pixel + (offset - reach).ceil() as i32) >> TILE_SHIFT).max(0);
+                let high = ((pixel + (offset + reach).floor() as i32) >> TILE_SHIFT).min(last);
                 (from[j], count[j]) = (low as u16, (high + 1 - low).max(0) as u16);
             }
             for (j, tiles) in tiles.iter_mut().enumerate().take(BLOCK) {
@@ -287,9 +287,10 @@ impl Lattice {
     }
 
     /// Returns the peak of a splat of optical depth 1 in a parallel view; `None` in perspective, where it varies.
-    pub(super) fn strength(&self) -> Option<f64> {
+    #[inline(always)]
+    pub(super) fn strength(&self) -> Option<f32> {
         match self.rays {
-            Rays::Parallel { strength, .. } => Some(strength.into()),
+            Rays::Parallel { strength, .. } => Some(strength),
             Rays::Perspective { .. } => None,
         }
     }
@@ -348,7 +349,7 @@ impl Lattice {
         /// interpolation.
         const NEAR: usize = 2;
         let around = self.low_pass.halvings.map(|halvings| NEAR << halvings);
-        let [columns, rows] = self.size.map(|side| side as usize >> TILE);
+        let [columns, rows] = self.size.map(|side| side as usize >> TILE_SHIFT);
         let to_picture = DMat3::from_cols_array_2d(&self.plane_from_pixel).transpose().inverse();
         let (first, ends) =
             (-0.5 - self.low_pass.deviation, self.picture.map(|side| f64::from(side) - 0.5 + self.low_pass.deviation));

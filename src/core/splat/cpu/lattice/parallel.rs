@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::choose::Subject;
 use super::low_pass::LowPass;
-use super::resolution::{RaysBeside, SMALL_STEP};
+use super::resolution::{EdgeRays, SMALL_STEP};
 use super::{Lattice, Rays};
 use crate::splat::view::PixelMap;
 
@@ -24,7 +24,7 @@ const LONGEST: f64 = 1.5;
 
 /// Returns the plane, if there is one.
 pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
-    let Subject { view, nested: [slow, fast, medium], low, high, reach, kernel, .. } = *subject;
+    let Subject { view, slow_fast_medium: [slow, fast, medium], low, high, reach, kernel, .. } = *subject;
     let PixelMap::Parallel { pixel_from_voxel: [x, y], scale } = &view.map else { return None };
     let area = x[fast] * y[medium] - x[medium] * y[fast];
     // From pixels of the picture to voxels along the fast and the medium axis.
@@ -37,7 +37,7 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
         return None;
     }
     let steps = [fast, medium].map(|axis| x[axis].hypot(y[axis]));
-    let rays = RaysBeside { slopes: shift, slice: scale * scale / area.abs() };
+    let rays = EdgeRays { slopes: shift, slice: scale * scale / area.abs() };
     let voxels = voxels_per_tile(subject, &rays, steps);
     let per_voxel = voxels.map(|voxels| 4.0 / voxels);
     let moves = [0, 1].map(|side: usize| inverse[side].map(|moves| per_voxel[side] * moves));
@@ -80,17 +80,17 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
 /// Returns how many voxels a tile has along the fast and the medium axis: a whole number if they lie on points of the grid.
 ///
 /// `steps`: the distances between voxels along these axes, in pixels of the picture.
-fn voxels_per_tile(subject: &Subject, rays: &RaysBeside, steps: [f64; 2]) -> [f64; 2] {
+fn voxels_per_tile(subject: &Subject, rays: &EdgeRays, steps: [f64; 2]) -> [f64; 2] {
     let is_whole = |slope: &f64| (slope - slope.round()).abs() < IN_PHASE;
-    let is_beside = subject.view.margin > 0.0;
-    let is_in_phase = match is_beside {
+    let is_displaced = subject.view.margin > 0.0;
+    let is_in_phase = match is_displaced {
         true => rays.slopes.iter().any(is_whole),
         false => rays.slopes.iter().all(is_whole) && steps[0].max(steps[1]) > SMALL_STEP,
     };
     let most = if is_in_phase { subject.sampling.pick(MOST_IN_PHASE) } else { MOST_VOXELS };
     let voxels = [0, 1].map(|side: usize| {
         let voxels = 4.0 / subject.resolution.per_voxel(side, rays, steps[side], false);
-        let voxels = match (is_beside, is_in_phase) {
+        let voxels = match (is_displaced, is_in_phase) {
             (true, false) => voxels,
             // Each pixel has the same place in the blocks of all slices, and divisors of a tile are better than 3. Between 2 and
             // 2.5, engine has 0.5 dB less with 2 than with 1.
@@ -103,5 +103,5 @@ fn voxels_per_tile(subject: &Subject, rays: &RaysBeside, steps: [f64; 2]) -> [f6
         voxels.clamp(1.0, most)
     });
     let longest = (LONGEST * voxels[0].min(voxels[1])).floor();
-    if is_beside { voxels } else { voxels.map(|voxels| voxels.min(longest)) }
+    if is_displaced { voxels } else { voxels.map(|voxels| voxels.min(longest)) }
 }

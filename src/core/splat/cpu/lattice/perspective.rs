@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 
 use super::choose::Subject;
 use super::low_pass::LowPass;
-use super::resolution::RaysBeside;
+use super::resolution::EdgeRays;
 use super::{Lattice, Rays};
 use crate::splat::cpu::warp::MOST_ASIDE;
 use crate::splat::kernel::LOW_PASS;
@@ -38,26 +38,26 @@ const NARROWEST: [f64; 2] = [0.5, 0.3];
 
 /// Returns the plane, if there is one.
 pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
-    let Subject { view, nested, low, high, reach, kernel, .. } = *subject;
+    let Subject { view, slow_fast_medium, low, high, reach, kernel, .. } = *subject;
     let (PixelMap::Perspective { camera_from_voxel, focal, centre, .. }, Viewpoint::Perspective { eye, .. }) =
         (&view.map, view.viewpoint)
     else {
         return None;
     };
-    let eye = nested.map(|axis| eye[axis]);
+    let eye = slow_fast_medium.map(|axis| eye[axis]);
     // Away from the eye, slices come in this direction.
     let away = if low[0] > eye[0] { 1.0 } else { -1.0 };
     let distances = [low[0], high[0]].map(|slow| away * (slow - eye[0]));
     let (nearest, farthest) = (distances[0].min(distances[1]), distances[0].max(distances[1]));
     let forward = &camera_from_voxel[2];
-    let along = |n: usize| (forward[nested[n]] * low[n]).min(forward[nested[n]] * high[n]);
+    let along = |n: usize| (forward[slow_fast_medium[n]] * low[n]).min(forward[slow_fast_medium[n]] * high[n]);
     let nearest_depth = forward[3] + along(0) + along(1) + along(2);
     // A clip cuts slices where the view does not run along the slow axis.
     if nearest < NEAREST || view.clip > nearest_depth {
         return None;
     }
     let column = |axis: usize| DVec3::from_array([0, 1, 2].map(|row: usize| camera_from_voxel[row][axis]));
-    let to_end = [0, 1, 2].map(|n: usize| [low[n], high[n]].map(|end| column(nested[n]) * end));
+    let to_end = [0, 1, 2].map(|n: usize| [low[n], high[n]].map(|end| column(slow_fast_medium[n]) * end));
     // From the eye to the corners of the box.
     let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner: usize| {
         let at = |n: usize| to_end[n][corner >> n & 1];
@@ -72,19 +72,19 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     let distance = to_centre.length();
     // Those farthest away, beside the faces of the box.
     let slopes = [1, 2].map(|n: usize| {
-        let beside = [low[n], high[n]].map(|end| (end - eye[n]).abs());
-        beside[0].min(beside[1]) / farthest
+        let to_faces = [low[n], high[n]].map(|end| (end - eye[n]).abs());
+        to_faces[0].min(to_faces[1]) / farthest
     });
-    let rays = RaysBeside { slopes, slice: distance / middle };
+    let rays = EdgeRays { slopes, slice: distance / middle };
     let step = [1, 2].map(|n: usize| {
-        let largest_step = focal / distance * column(nested[n]).length() * (1.0 + tangent * tangent);
+        let largest_step = focal / distance * column(slow_fast_medium[n]).length() * (1.0 + tangent * tangent);
         let per_voxel = |step: f64, is_far| subject.resolution.per_voxel(n - 1, &rays, step, is_far);
         let finest = per_voxel(largest_step, false) * middle;
         1.0 / finest.max(per_voxel(largest_step * middle / far, true) * far)
     });
     let step = step.map(|side| side.min(LONGEST * step[0].min(step[1])));
     // From a pixel's ray, in camera coordinates, to voxels along the slow (away from the eye), fast and medium axis.
-    let steps = [column(nested[0]) * away, column(nested[1]), column(nested[2])];
+    let steps = [column(slow_fast_medium[0]) * away, column(slow_fast_medium[1]), column(slow_fast_medium[2])];
     let camera_from_pixel = DMat3::from_cols(
         DVec3::new(1.0 / focal, 0.0, 0.0),
         DVec3::new(0.0, -1.0 / focal, 0.0),

@@ -13,16 +13,17 @@ const WIDE_VOXELS: [f64; 2] = [0.93, 0.62];
 /// The same where voxels are small.
 const SMALL_VOXELS: f64 = 0.7;
 /// The same where they are small and lie beside the points of the grid, as those of levels (docs/studies/levels.md).
-const SMALL_VOXELS_BESIDE: f64 = 0.4;
+const DISPLACED_SMALL_VOXELS: f64 = 0.4;
 /// The most pixels of the plane that are worthwhile per pixel of the picture, along a side, unless voxels are small.
 const PER_PIXEL: f64 = 1.35;
 /// The same where a filter follows and voxels are opaque, as their edges are finer than the filter; and the sharpness from
 /// which on they are.
 const PER_FILTERED_PIXEL: f64 = 1.6;
 const SHARP: f64 = 1.3;
-/// A face along the grid is seen edge-on if rays pass at least so many slices within one voxel beside it. Its outline is that of
-/// the optical depths of all these voxels together, up to the most: it is hardly sharper where they are deeper.
+/// Least number of slices that a ray must pass within one voxel of a face for the face to be seen edge-on.
 const LEAST_BEHIND: f64 = 12.0;
+/// The most optical depth for which the outline of such a face is computed. The outline is that of the depths of all these voxels
+/// together, and is hardly sharper where they are deeper.
 const MOST_BEHIND: f64 = 48.0;
 /// Sharpness of such an outline per standard deviation of the kernel that its depth reaches out. Measured: docs/studies/sampling.md.
 const EDGE_ON: f64 = 0.7;
@@ -32,8 +33,8 @@ const PER_PIXEL_EDGE_ON: [f64; 2] = [2.1, 1.7];
 /// Distance between voxels, in pixels of the picture, up to which the picture shows no such edges.
 pub(super) const SMALL_STEP: f64 = 0.76;
 
-/// Rays beside faces of the box of the voxels.
-pub(super) struct RaysBeside {
+/// Rays beside the faces of the voxels' box. A face that is nearly parallel to them is seen edge-on.
+pub(super) struct EdgeRays {
     /// By how many voxels they move per slice, along the fast and the medium axis.
     pub(super) slopes: [f64; 2],
     /// Their length from slice to slice, in mean spacings.
@@ -71,16 +72,16 @@ impl Resolution {
         let peak = outlines[0] / (std::f64::consts::TAU * sigmas[0] * sigmas[1]);
         let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
         let is_fine = sharpness > SHARP && width < f64::from(LOW_PASS) && sampling == Sampling::Enough;
-        let is_beside = view.margin > 0.0;
+        let is_displaced = view.margin > 0.0;
         Resolution {
             sigmas,
             per_sigma: sampling.pick(WIDE_VOXELS),
-            least_per_sigma: if is_beside { SMALL_VOXELS_BESIDE } else { SMALL_VOXELS },
+            least_per_sigma: if is_displaced { DISPLACED_SMALL_VOXELS } else { SMALL_VOXELS },
             sharpness,
             per_pixel: if is_fine { PER_FILTERED_PIXEL } else { PER_PIXEL },
             per_pixel_edge_on: sampling.pick(PER_PIXEL_EDGE_ON),
             // Sums have no outlines, and those of levels are only as exact as their blocks.
-            outlines: (settings.mode == Mode::Composite && !is_beside).then_some(outlines),
+            outlines: (settings.mode == Mode::Composite && !is_displaced).then_some(outlines),
         }
     }
 
@@ -88,7 +89,7 @@ impl Resolution {
     ///
     /// `step`: the distance between voxels, in pixels of the picture; `is_far`: in slices that are so far away that voxels are
     /// small in any case.
-    pub(super) fn per_voxel(&self, side: usize, rays: &RaysBeside, step: f64, is_far: bool) -> f64 {
+    pub(super) fn per_voxel(&self, side: usize, rays: &EdgeRays, step: f64, is_far: bool) -> f64 {
         let edge = self.edge_sharpness(side, rays);
         let per_pixel = if edge > 1.0 && step > SMALL_STEP { self.per_pixel_edge_on } else { self.per_pixel };
         let least = if is_far { 0.0 } else { self.least_per_sigma };
@@ -98,7 +99,7 @@ impl Resolution {
 
     /// Returns how much finer than the kernel's the outline of faces across the fast (`side` 0) or medium axis (1) is, if they are
     /// seen edge-on; else 0.
-    fn edge_sharpness(&self, side: usize, rays: &RaysBeside) -> f64 {
+    fn edge_sharpness(&self, side: usize, rays: &EdgeRays) -> f64 {
         let Some([deepest, slices]) = self.outlines else { return 0.0 };
         let behind = slices.min(1.0 / rays.slopes[side].abs());
         if behind < LEAST_BEHIND {

@@ -5,7 +5,7 @@
 use super::{Lattice, Place, Rays};
 use crate::splat::arith::{LOG2_E, keep_if, near_exp2_neg};
 use crate::splat::block_kernel::SHAPES;
-use crate::splat::cpu::tile_buffer::{COLUMN, ROW, TILE, TILE_PIXELS};
+use crate::splat::cpu::tile_buffer::{COLUMN, ROW, TILE_PIXELS, TILE_SHIFT};
 
 /// What a kernel is on the rays of a tile.
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +40,7 @@ impl TileRays {
             u[i] = kernel.column * COLUMN[i] + kernel.shear * ROW[i];
             v[i] = kernel.row * ROW[i];
         }
-        TileRays { first: [column << TILE, row << TILE], kernel, u, v }
+        TileRays { first: [column << TILE_SHIFT, row << TILE_SHIFT], kernel, u, v }
     }
 
     /// Returns the optical depth of a voxel of depth 1 at its centre.
@@ -112,7 +112,7 @@ impl Lattice {
     /// centre, if its kernel is as wide along all axes.
     #[inline(always)]
     fn slopes(&self, [column, row]: [i32; 2]) -> ([f32; 2], f32) {
-        let first = [column << TILE, row << TILE];
+        let first = [column << TILE_SHIFT, row << TILE_SHIFT];
         let [fast, medium] = match &self.rays {
             Rays::Parallel { slope, .. } => *slope,
             Rays::Perspective { first: slope, step, .. } => {
@@ -139,14 +139,14 @@ impl Lattice {
         } as f32;
         let scale = 0.5 * LOG2_E / (self.kernel.sigma * self.kernel.sigma);
         // The covariance on the slice is (f + s fast^2, s fast medium; s fast medium, m + s medium^2).
-        let beside = m + s * (medium * medium);
-        let determinant = f * beside + s * m * (fast * fast);
+        let medium_variance = m + s * (medium * medium);
+        let determinant = f * medium_variance + s * m * (fast * fast);
         let round = 1.0 + medium * medium + fast * fast;
-        let column = (scale * beside / determinant).sqrt();
+        let column = (scale * medium_variance / determinant).sqrt();
         RayKernel {
             column,
-            shear: 0.0 - column * (s * fast * medium / beside) * row_per_column,
-            row: (scale / beside).sqrt() * row_per_column,
+            shear: 0.0 - column * (s * fast * medium / medium_variance) * row_per_column,
+            row: (scale / medium_variance).sqrt() * row_per_column,
             strength: strength * (round / determinant).sqrt(),
         }
     }

@@ -43,7 +43,7 @@ pub(super) fn paint(
     let start = Instant::now();
     painter.flush();
     (stats.drawn, stats.drawing) = (painter.drawn, stats.drawing + start.elapsed());
-    BandResult { pixels: painter.tiles, stats }
+    BandResult { tiles: painter.tiles, stats }
 }
 
 /// Receives the voxels of a walk and draws them on a band.
@@ -80,7 +80,7 @@ impl<F: FnMut(&VoxelBlock, &mut TileBuffer) -> u64> BandPainter<'_, F> {
         let ends = |coordinates: &[u16]| {
             coordinates[range.clone()].iter().fold((u16::MAX, 0), |(low, high), &at| (low.min(at), high.max(at)))
         };
-        let [s, m, f] = self.task.projector.nesting;
+        let [s, m, f] = self.task.projector.slow_medium_fast;
         let mut bounds = VoxelBox { low: [batch.slow; 3], high: [batch.slow; 3] };
         debug_assert_eq!(s + m + f, 3);
         (bounds.low[m], bounds.high[m]) = ends(batch.medium);

@@ -19,7 +19,7 @@ use crate::splat::arith::{at_least, keep_if};
 use crate::splat::cpu::dispatch;
 use crate::splat::cpu::project::{Projector, affine_at, nearest_pixel};
 use crate::splat::cpu::task::{BandResult, DrawTask};
-use crate::splat::cpu::tile_buffer::{COLUMN, PixelTile, ROW, Rect, TILE, TILE_PIXELS, TileBuffer};
+use crate::splat::cpu::tile_buffer::{COLUMN, PixelTile, ROW, Rect, TILE_PIXELS, TILE_SHIFT, TileBuffer};
 use crate::splat::cpu::voxel_block::{BLOCK, VoxelBlock};
 use crate::splat::setup::FrameSetup;
 use crate::splat::view::{Affine, PixelMap, apply};
@@ -68,15 +68,15 @@ pub(in super::super) fn add<const IS_PERSPECTIVE: bool>(
         }
         drawn += 1;
         let (slice, position) = (voxels.positions[0][j], position(j));
-        for row in top >> TILE..=bottom >> TILE {
-            for column in left >> TILE..=right >> TILE {
+        for row in top >> TILE_SHIFT..=bottom >> TILE_SHIFT {
+            for column in left >> TILE_SHIFT..=right >> TILE_SHIFT {
                 let Some((index, PixelTile(values))) = tiles.tile(column, row) else { continue };
                 let last = &mut slices[index];
                 if *last != slice {
                     advance(values, slice.wrapping_sub(*last));
                     *last = slice;
                 }
-                let near = rays.near(position, [column << TILE, row << TILE]);
+                let near = rays.near(position, [column << TILE_SHIFT, row << TILE_SHIFT]);
                 let weights = near.weights::<IS_PERSPECTIVE, TILE_PIXELS>(&COLUMN, &ROW);
                 for (sums, weights) in values[1..].iter_mut().zip(&weights) {
                     let mut new = [0.0; TILE_PIXELS];

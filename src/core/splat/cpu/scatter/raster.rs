@@ -9,7 +9,7 @@
 use crate::splat::arith::SMALL_DEPTH;
 use crate::splat::cpu::blend::Blend;
 use crate::splat::cpu::splats::{SplatKernel, Splats};
-use crate::splat::cpu::tile_buffer::{COLUMN, ROW, TILE, TILE_PIXELS, TileBuffer};
+use crate::splat::cpu::tile_buffer::{COLUMN, ROW, TILE_PIXELS, TILE_SHIFT, TileBuffer};
 use crate::splat::cpu::voxel_block::BLOCK;
 use crate::splat::near::{NearKernel, NearView};
 
@@ -33,7 +33,7 @@ pub(in super::super) fn draw<B: Blend>(
             continue;
         }
         drawn += 1;
-        let place = [[low_x >> TILE, high_x >> TILE], [low_y >> TILE, high_y >> TILE]];
+        let place = [[low_x >> TILE_SHIFT, high_x >> TILE_SHIFT], [low_y >> TILE_SHIFT, high_y >> TILE_SHIFT]];
         let colour = [red, green, blue];
         if let (Some(view), Some(kernel)) = (near, splats.near(j)) {
             draw_near::<B>(tiles, view, kernel, peak, place, colour, stop);
@@ -96,7 +96,8 @@ fn draw_near<B: Blend>(
             let Some((index, tile)) = tiles.tile(column, row) else { continue };
             let (mut columns, mut rows) = ([0; TILE_PIXELS], [0; TILE_PIXELS]);
             for i in 0..TILE_PIXELS {
-                (columns[i], rows[i]) = ((column << TILE) + COLUMN[i] as i32, (row << TILE) + ROW[i] as i32);
+                (columns[i], rows[i]) =
+                    ((column << TILE_SHIFT) + COLUMN[i] as i32, (row << TILE_SHIFT) + ROW[i] as i32);
             }
             let mut amounts = view.depths(kernel, &view.rays(columns, rows), peak);
             for i in 0..TILE_PIXELS {

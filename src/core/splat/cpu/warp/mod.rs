@@ -37,8 +37,14 @@ const MIN_BLUR: f64 = 0.03;
 const PART: usize = 1 << 16;
 
 /// Computes the picture from `plane`: the frame drawn on `lattice`, perhaps halved. Its alphas are at most `most`. The result
-/// does not depend on `level` and `threads`.
-pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, level: Level, threads: usize) -> Result<Frame> {
+/// does not depend on `instructions` and `threads`.
+pub(super) fn warp(
+    lattice: &Lattice,
+    mut plane: Frame,
+    most: f32,
+    instructions: Level,
+    threads: usize,
+) -> Result<Frame> {
     let LowPass { halvings, covariance, is_wide, .. } = lattice.low_pass;
     let mut plane_from_pixel = lattice.plane_from_pixel;
     for halving in 0..halvings[0].max(halvings[1]) {
@@ -73,28 +79,28 @@ pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, level: Level,
     let len = 4 * columns;
     let drawn = &mut plane.pixels_mut()[len * covered.rows.start..len * covered.rows.end];
     if !is_wide[0] {
-        filter_rows(drawn, len, covered.columns.clone(), level, plane_threads);
+        filter_rows(drawn, len, covered.columns.clone(), instructions, plane_threads);
     }
     if !is_wide[1] {
-        filter_columns(drawn, len, covered.columns, level, plane_threads);
+        filter_columns(drawn, len, covered.columns, instructions, plane_threads);
     }
     let samples = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
     let map = &plane_from_pixel;
     match is_wide {
         [true, true] => picture.fill_rows(threads, |y, row| {
-            dispatch!(level, simd => blur(simd, &samples, map, covariance, y as f64, row));
+            dispatch!(instructions, simd => blur(simd, &samples, map, covariance, y as f64, row));
         }),
         [false, false] => {
             let corners = corners(covariance);
             let is_point = corners.as_flattened().iter().all(|distance| distance.abs() < MIN_BLUR);
             picture.fill_rows(threads, |y, row| match is_point {
-                true => dispatch!(level, simd => resample(simd, &samples, map, &[[0.0; 2]], most, y as f64, row)),
-                false => dispatch!(level, simd => resample(simd, &samples, map, &corners, most, y as f64, row)),
+                true => dispatch!(instructions, simd => resample(simd, &samples, map, &[[0.0; 2]], most, y as f64, row)),
+                false => dispatch!(instructions, simd => resample(simd, &samples, map, &corners, most, y as f64, row)),
             });
         }
         [is_across, _] => picture.fill_rows(threads, |y, row| match is_across {
-            true => dispatch!(level, simd => blur_along::<_, 0>(simd, &samples, map, covariance, most, y as f64, row)),
-            false => dispatch!(level, simd => blur_along::<_, 1>(simd, &samples, map, covariance, most, y as f64, row)),
+            true => dispatch!(instructions, simd => blur_along::<_, 0>(simd, &samples, map, covariance, most, y as f64, row)),
+            false => dispatch!(instructions, simd => blur_along::<_, 1>(simd, &samples, map, covariance, most, y as f64, row)),
         }),
     }
     Ok(picture)

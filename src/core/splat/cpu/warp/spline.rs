@@ -33,11 +33,11 @@ const ROWS: usize = 8;
 /// Applies the recursive filter to rows of `len` numbers, to the right and back, within a range of columns. With
 /// [`filter_columns`] it turns samples into the coefficients of the B-spline through them, divided by the square of
 /// [`GAIN`]. Beyond the range, samples are 0.
-pub(super) fn filter_rows(rows: &mut [f32], len: usize, columns: Range<usize>, level: Level, threads: usize) {
+pub(super) fn filter_rows(rows: &mut [f32], len: usize, columns: Range<usize>, instructions: Level, threads: usize) {
     in_parts(rows, len, threads, |_, rows| {
         let lines = rows.chunks_exact_mut(len).map(|row| &mut row.as_chunks_mut().0[columns.clone()]);
         let mut lines: Vec<&mut [[f32; 4]]> = lines.collect();
-        dispatch!(level, _ => {
+        dispatch!(instructions, _ => {
             let (groups, rest) = lines.as_chunks_mut::<ROWS>();
             groups.iter_mut().for_each(filter_lines);
             rest.as_chunks_mut::<1>().0.iter_mut().for_each(filter_lines);
@@ -81,7 +81,7 @@ fn normal(value: f32) -> f32 {
 }
 
 /// Applies the recursive filter to columns, downward and back; see [`filter_rows`].
-pub(super) fn filter_columns(rows: &mut [f32], len: usize, columns: Range<usize>, level: Level, threads: usize) {
+pub(super) fn filter_columns(rows: &mut [f32], len: usize, columns: Range<usize>, instructions: Level, threads: usize) {
     /// Numbers of a strip's row: strips of many rows stay in the second-level cache.
     const STRIP: usize = 128;
     let mut strips: Vec<Vec<&mut [f32]>> = Vec::new();
@@ -94,7 +94,7 @@ pub(super) fn filter_columns(rows: &mut [f32], len: usize, columns: Range<usize>
         }
     }
     in_parts(&mut strips, 1, threads, |_, strips| {
-        strips.iter_mut().for_each(|strip| dispatch!(level, _ => filter_strip(strip)));
+        strips.iter_mut().for_each(|strip| dispatch!(instructions, _ => filter_strip(strip)));
     });
 }
 

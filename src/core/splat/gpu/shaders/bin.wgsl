@@ -25,8 +25,8 @@ fn bin(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index)
     let bit = 1u << (batch & 31u);
     let low = max(vec2<i32>(low_half(columns), low_half(rows)), frame.window.xy);
     let high = min(vec2<i32>(high_half(columns), high_half(rows)), frame.window.zw - 1);
-    let first = (low - frame.window.xy) / TILE;
-    let last = (high - frame.window.xy) / TILE;
+    let first = (low - frame.window.xy) / TILE_SIDE;
+    let last = (high - frame.window.xy) / TILE_SIDE;
     for (var row = first.y; row <= last.y; row++) {
         for (var column = first.x; column <= last.x; column++) {
             let tile = u32(row) * frame.tile_columns + u32(column);

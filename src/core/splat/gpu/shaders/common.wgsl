@@ -123,7 +123,7 @@ struct SplatVectors {
 }
 
 const BATCH: u32 = 256u; // Number of splats of a batch, and of invocations of a workgroup.
-const TILE: i32 = 16; // Side of a tile of the picture, in pixels.
+const TILE_SIDE: i32 = 16; // Side of a tile of the picture, in pixels.
 const SUMMARY_WORDS: u32 = 8u; // 32-bit words of the summary of a tile's mask.
 const NEAR_SPLAT: f32 = -1.0; // `falloff_y` of a voxel near the eye.
 const NOTHING: u32 = 1u; // `columns` and `rows` of a splat without pixels: first pixel 1, last pixel 0.

@@ -184,7 +184,7 @@ fn meets(columns: u32, rows: u32, corner: vec2<i32>) -> bool {
     let low = vec2<i32>(low_half(columns), low_half(rows));
     let high = vec2<i32>(high_half(columns), high_half(rows));
     // A splat without pixels begins after its end.
-    return all(high >= max(low, corner)) && all(low < corner + TILE);
+    return all(high >= max(low, corner)) && all(low < corner + TILE_SIDE);
 }
 
 // Notes which cells of the tile at `corner` the fetched splat `k` meets.
@@ -192,7 +192,7 @@ fn note_cells(k: u32, corner: vec2<i32>) {
     let columns = fetched[k].place.x;
     let rows = fetched[k].place.y;
     let low = max(vec2<i32>(low_half(columns), low_half(rows)) - corner, vec2<i32>(0));
-    let high = min(vec2<i32>(high_half(columns), high_half(rows)) - corner, vec2<i32>(TILE - 1));
+    let high = min(vec2<i32>(high_half(columns), high_half(rows)) - corner, vec2<i32>(TILE_SIDE - 1));
     let first_cell = vec2<u32>(low) / CELL_SIZE;
     let last_cell = vec2<u32>(high) / CELL_SIZE;
     for (var row = first_cell.y; row <= last_cell.y; row++) {
@@ -216,7 +216,7 @@ fn list_slots(hits_here: u32, first_slot: u32, rank: u32) {
 
 @compute @workgroup_size(256)
 fn tile(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let corner = frame.window.xy + vec2<i32>(group.xy) * TILE;
+    let corner = frame.window.xy + vec2<i32>(group.xy) * TILE_SIDE;
     let cell = local >> 5u; // The invocation's cell; also which of the round's batches it tests.
     let in_cell = local & 31u;
     let place = CELL_SIZE * vec2<u32>(cell & 1u, cell >> 1u) + vec2<u32>(in_cell & 7u, in_cell >> 3u);
