@@ -91,7 +91,7 @@ impl MemoryShares {
         };
         let measuring = if is_chosen { pixels * PIXEL_BYTES } else { 0 };
         let base = BASE.max(resident_bytes().unwrap_or(0) + GROWTH);
-        let need = |threads: usize| {
+        let need_of = |threads: usize, canvases: &[(Canvas, [u32; 3], u64)]| {
             let settings = settings.clone().with_threads(threads);
             let drawing =
                 canvases.iter().map(|&(canvas, dims, tiles)| cpu::memory_need(dims, tiles, canvas, &settings));
@@ -101,16 +101,17 @@ impl MemoryShares {
             let in_flight = IN_FLIGHT * threads as u64;
             base.saturating_add(drawing.max(writing)).saturating_add(kind.kept(depth, pixels, frames)) + in_flight
         };
+        let need = |threads: usize| need_of(threads, &canvases);
         let left = |threads: usize| memory.checked_sub(need(threads)).filter(|&left| left >= LEAST_RESIDENT);
         let Some((threads, left)) = (1..=settings.threads).rev().find_map(|n| left(n).map(|left| (n, left))) else {
             let enough = need(1).saturating_add(LEAST_RESIDENT + BETWEEN_RUNS).div_ceil(1 << 20);
             let [columns, rows] = settings.size;
+            let is_picture = |(canvas, ..): &&(Canvas, [u32; 3], u64)| *canvas == Canvas::Picture;
+            let pictures: Vec<_> = canvases.iter().filter(is_picture).copied().collect();
             let frames = if frames > 1 { format!(", {frames} frames") } else { String::new() };
             let instead = match () {
                 () if settings.blending == Blending::Sheets => ", a smaller --size, or --blending exponential",
-                () if canvases.iter().any(|(canvas, ..)| *canvas != Canvas::Picture) => {
-                    ", a smaller --size, or --sampling every"
-                }
+                () if need_of(1, &pictures) < need(1) => ", a smaller --size, or --sampling every",
                 () => ", or a smaller --size",
             };
             let why = format!(

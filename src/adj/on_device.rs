@@ -84,6 +84,11 @@ fn quiet_about_lost_devices() {
 }
 
 impl OnDevice<'_> {
+    /// Returns whether it draws quads, which end no ray.
+    pub(super) fn blends_quads(&self) -> bool {
+        matches!(self.renderer.compositor(), Compositor::Quads(_))
+    }
+
     /// Draws a frame. With `fit`, where it does not fit into the video memory, this draws the finest level of detail that fits,
     /// which it sets in `settings`.
     ///

@@ -373,6 +373,10 @@ fn draw(
         print_note(&format!("note: this file was built with --cull-hidden; {cause} that voxels are missing"));
     }
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
+    if arguments.look.max_error.is_some() && arguments.renderer.has_few_bits() {
+        let why = "is not kept where quads are blended in few bits; give --accumulate 32, or leave --max-error out";
+        return Err(Error::input("--max-error", why));
+    }
     let renderer = arguments.renderer.renderer(scene, memory.is_some(), settings.blending)?;
     let mut measured = None;
     if let Some(bound) = arguments.look.max_error {
@@ -380,6 +384,7 @@ fn draw(
         // Memory was divided for the lanes of the voxels.
         settings.level = if memory.is_some() { Some(0) } else { settings.level };
         settings.sampling = renderer.only_sampling();
+        settings.termination = renderer.only_termination();
         let rounding = if is_volume { dial::rounding(&scene, cameras, &settings, go_on)? } else { 0.0 };
         // A bound below 0 stays one, which the dial refuses.
         let left = if rounding > bound && bound >= 0.0 { 0.0 } else { bound - rounding };

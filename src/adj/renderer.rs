@@ -33,7 +33,8 @@ pub(super) struct RendererArguments {
     /// Most video memory to take, from 16MiB: 500MB, 2GiB; 1GiB by default. The picture is the same
     #[arg(long, value_name = "SIZE", value_parser = video_memory)]
     pub(super) vram: Option<u64>,
-    /// How a graphics device draws splats; tiles by default, and always in the modes maximum and maximum-grey
+    /// How a graphics device draws splats; tiles by default (quads if the device is software), and always in the modes maximum and
+    /// maximum-grey
     #[arg(long, value_name = "C")]
     pub(super) compositor: Option<CompositorName>,
     /// Bits of each sample while a graphics device blends quads; 32 by default. 16 and 8 may be faster, but are wrong
@@ -104,6 +105,11 @@ impl RendererArguments {
     /// Returns whether the video memory of a graphics device is bounded.
     pub(super) fn bounds_device(&self) -> bool {
         self.vram.is_some()
+    }
+
+    /// Returns whether quads are blended in so few bits that it changes pictures.
+    pub(super) fn has_few_bits(&self) -> bool {
+        matches!(self.accumulate, Some(AccumulateBits::Float16 | AccumulateBits::Unorm8))
     }
 
     /// Returns the flags for graphics devices, and whether each is on the command line.
@@ -255,6 +261,15 @@ impl<'a> Renderer<'a> {
     /// Returns the sampling that a graphics device draws, whatever the settings say; `None` for other renderers.
     pub(super) fn only_sampling(&self) -> Option<Sampling> {
         self.adapter().map(|_| Sampling::Finer)
+    }
+
+    /// Returns the termination with which the renderer draws, whatever the settings say; `None` if it does as they say.
+    pub(super) fn only_termination(&self) -> Option<f32> {
+        match self {
+            Renderer::Cpu(_) | Renderer::Reference(_) | Renderer::Bricks(..) => None,
+            #[cfg(feature = "gpu")]
+            Renderer::Gpu(on_device) => on_device.blends_quads().then_some(0.0),
+        }
     }
 
     /// Returns the graphics device's name; `None` for other renderers.

@@ -79,14 +79,14 @@ pub struct Choice {
 }
 
 impl Rung {
-    /// Returns `settings` with this rung's kernel and termination, for the voxels themselves, and with its sampling unless
-    /// `settings` have one.
+    /// Returns `settings` with this rung's kernel, for the voxels themselves, and with its termination and sampling unless `settings`
+    /// have their own.
     pub fn applied(&self, settings: &Settings) -> Settings {
         settings
             .clone()
             .with_quality(Quality::Reference)
             .with_kernel(self.kernel)
-            .with_termination(self.termination)
+            .with_termination(settings.termination.unwrap_or(self.termination))
             .with_sampling(settings.sampling.unwrap_or(self.sampling))
             .with_level(0)
     }
@@ -98,9 +98,9 @@ const RUNG_OF_LEVELS: usize = 2;
 /// Chooses the fastest of [`RUNGS`] whose error is within `bound`. If there is one camera, the error is that of its
 /// picture. If there are several, it is the largest of up to three of their pictures, multiplied by [`CAUTION`].
 ///
-/// Coarser levels of detail come first; if `settings.level` is given, the voxels themselves are drawn. If
-/// `settings.sampling` is given, all candidates have it. A graphics device draws [`Sampling::Finer`], so give that if the
-/// pictures are for one; they differ from the processor's by rounding.
+/// Coarser levels of detail come first; if `settings.level` is given, the voxels themselves are drawn. If `settings.sampling` or
+/// `settings.termination` is given, all candidates have it. A graphics device draws [`Sampling::Finer`] and ends no ray if it blends
+/// quads, so give these if the pictures are for one; they differ from the processor's by rounding.
 ///
 /// For one camera it takes 0.2 to 1.1 times as long as a picture with [`Quality::Reference`] if most voxels are opaque, up
 /// to 2.5 times as long if they are not; for several cameras, 1 to 5 times as long.
