@@ -189,12 +189,21 @@ impl SampleGrid {
     fn choose(view: &View, order: &Order, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Option<SampleGrid> {
         let supersampling = Supersampling::new(view, bounds, settings);
         let lattice = Lattice::new(view, order, bounds, deepest, settings)
-            .filter(|lattice| lattice.is_worthwhile(view, bounds, supersampling.as_ref()));
+            .filter(|lattice| lattice.is_worthwhile(samples_shown(view, bounds, supersampling.as_ref())));
         match lattice {
             Some(lattice) => Some(SampleGrid::Lattice(Box::new(lattice))),
             None => supersampling.map(SampleGrid::Supersampling),
         }
     }
+}
+
+/// Returns how many samples the part of the picture has that may show the voxels in `bounds`: one for each pixel without
+/// supersampling.
+fn samples_shown(view: &View, bounds: &VoxelBox, supersampling: Option<&Supersampling>) -> f64 {
+    let picture = full_rect(view.size);
+    let pixels_of = |rect: Rect| f64::from(rect.x1 - rect.x0) * f64::from(rect.y1 - rect.y0);
+    let per_pixel = supersampling.map_or(1.0, |finer| finer.samples() as f64 / pixels_of(picture));
+    per_pixel * pixels(view, [0.0; 2], picture, bounds).map_or(0.0, pixels_of)
 }
 
 /// Draws all voxels on a lattice, in the blend mode `B`, and warps it to the picture.

@@ -6,7 +6,7 @@ use super::resolution::Resolution;
 use super::{Lattice, LowPass, Rays, parallel, perspective};
 use crate::splat::block_kernel::SHAPES;
 use crate::splat::kernel::KernelShape;
-use crate::splat::supersample::{Supersampling, sigma_at_centre};
+use crate::splat::supersample::sigma_at_centre;
 use crate::splat::view::{PixelMap, View};
 use crate::splat::{Blending, Mode, Sampling, Settings};
 use crate::traverse::{Order, Sense, VoxelBox};
@@ -112,30 +112,12 @@ impl Lattice {
         }
     }
 
-    /// Returns whether this plane's pixels are drawn rather than those of `supersampling`, or one sample for each pixel of the
-    /// picture. `bounds`: of the voxels.
-    pub(in super::super) fn is_worthwhile(
-        &self,
-        view: &View,
-        bounds: &VoxelBox,
-        supersampling: Option<&Supersampling>,
-    ) -> bool {
+    /// Returns whether this plane's pixels are drawn rather than so many `samples` of the part of the picture that shows the voxels.
+    pub(in super::super) fn is_worthwhile(&self, samples: f64) -> bool {
         let pixels = |[columns, rows]: [u32; 2]| f64::from(columns) * f64::from(rows);
-        let (plane, picture) = (pixels(self.size), pixels(view.size));
-        if pixels(self.kept()) > FEW_PIXELS && plane > MOST_PER_PIXEL * picture {
-            return false;
-        }
-        // Pixels are averaged where many voxels are as small as samples.
-        if self.low_pass.is_averaged() {
-            return true;
-        }
-        // Like the plane, samples are drawn only where voxels may be.
-        let shown = view.pixel_bounds(bounds, [0.0; 2]).map_or(0.0, |[left, right, top, bottom]| {
-            let within =
-                |low: f64, high: f64, side: usize| (high.min(f64::from(view.size[side])) - low.max(0.0)).max(0.0);
-            within(left, right, 0) * within(top, bottom, 1)
-        });
-        let samples = supersampling.map_or(1.0, |supersampling| supersampling.samples() as f64 / picture);
-        plane <= MOST_PER_SAMPLE * samples * shown
+        let plane = pixels(self.size);
+        let is_too_large = pixels(self.kept()) > FEW_PIXELS && plane > MOST_PER_PIXEL * pixels(self.picture);
+        // Pixels are averaged where voxels are smaller than those of the picture: the other way has many samples there, or too few.
+        !is_too_large && (self.low_pass.is_averaged() || plane <= MOST_PER_SAMPLE * samples)
     }
 }
