@@ -118,6 +118,6 @@ impl Lattice {
         let plane = pixels(self.size);
         let is_too_large = pixels(self.kept()) > FEW_PIXELS && plane > MOST_PER_PIXEL * pixels(self.picture);
         // Pixels are averaged where voxels are smaller than those of the picture: the other way has many samples there, or too few.
-        !is_too_large && (self.low_pass.is_averaged() || plane <= MOST_PER_SAMPLE * samples)
+        !is_too_large && (self.low_pass.halvings != [0; 2] || plane <= MOST_PER_SAMPLE * samples)
     }
 }

@@ -22,6 +22,9 @@ const MOST_VOXELS: f64 = 32.0;
 /// labels of unlike spacings were 3 dB farther from `reference` (frog at 400 x 400, azimuth 50, elevation 20: 43.8 instead of 47.2).
 const LONGEST: f64 = 1.5;
 
+/// Largest standard deviation of the low-pass: a plane that is seen obliquely is halved less.
+const WIDEST: f64 = 2.0;
+
 /// Returns the plane, if there is one.
 pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     let Subject { view, slow_fast_medium: [slow, fast, medium], low, high, reach, kernel, .. } = *subject;
@@ -41,7 +44,10 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     let voxels = voxels_per_tile(subject, &rays, steps);
     let per_voxel = voxels.map(|voxels| 4.0 / voxels);
     let moves = [0, 1].map(|side: usize| inverse[side].map(|moves| per_voxel[side] * moves));
-    let low_pass = LowPass::new(moves, subject.width)?;
+    let low_pass = LowPass::new(moves, &[], subject.width);
+    if low_pass.deviation * low_pass.most_per_pixel > WIDEST {
+        return None;
+    }
     let [columns, rows] = view.size.map(f64::from);
     let corners = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
         .map(|[across, down]: [f64; 2]| [across - 0.5 - x[3], down - 0.5 - y[3]]);

@@ -9,7 +9,6 @@ use super::choose::Subject;
 use super::low_pass::LowPass;
 use super::resolution::EdgeRays;
 use super::{Lattice, Rays};
-use crate::splat::cpu::warp::MOST_ASIDE;
 use crate::splat::kernel::LOW_PASS;
 use crate::splat::near::NEAR;
 use crate::splat::view::PixelMap;
@@ -31,10 +30,7 @@ const TINY_FOOTPRINT: f64 = 0.0375;
 const MOST_UNEVEN: [f64; 2] = [0.015, 0.036];
 /// Largest standard deviation of the filter where the picture shows the box of the voxels: the warp takes four pixels on each side.
 /// Drafts had 28 dB where it was above 100, and 33 dB at 8.
-const WIDEST: [f64; 2] = [3.0, 8.0];
-/// Least standard deviation where the picture shows the box, along an axis that takes the plane's pixels as they are: below, weights
-/// are those of one pixel, or alike for eight (37.4 dB instead of 69.6).
-const NARROWEST: [f64; 2] = [0.5, 0.3];
+const WIDEST: [f64; 2] = [4.0, 8.0];
 
 /// Returns the plane, if there is one.
 pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
@@ -63,8 +59,27 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
         let at = |n: usize| to_end[n][corner >> n & 1];
         at(0) + at(1) + at(2) + column(3)
     });
+    // From a pixel's ray, in camera coordinates, to voxels along the slow (away from the eye), fast and medium axis.
+    let steps = [column(slow_fast_medium[0]) * away, column(slow_fast_medium[1]), column(slow_fast_medium[2])];
+    let camera_from_pixel = DMat3::from_cols(
+        DVec3::new(1.0 / focal, 0.0, 0.0),
+        DVec3::new(0.0, -1.0 / focal, 0.0),
+        DVec3::new(-centre[0] / focal, centre[1] / focal, 1.0),
+    );
+    let voxel_from_pixel = DMat3::from_cols(steps[0], steps[1], steps[2]).inverse() * camera_from_pixel;
+    let [columns, rows] = view.size.map(f64::from);
+    // How far a place moves along the fast and the medium axis, in voxels on the slice at distance 1, per column and per row of the
+    // picture.
+    let moves = |[x, y]: [f64; 2]| {
+        let at = voxel_from_pixel * DVec3::new(x, y, 1.0);
+        let column = |k: usize| voxel_from_pixel.col(k);
+        [1, 2].map(|side: usize| [0, 1].map(|k| (column(k)[side] - at[side] / at[0] * column(k)[0]) / at[0]))
+    };
+    let on_picture =
+        |corner: &DVec3| [centre[0] + focal * corner.x / corner.z, centre[1] - focal * corner.y / corner.z];
+    let ends = part_of_picture(&corners, on_picture, [columns, rows]).map(moves);
     // The lattice is finer in near slices and coarser in far ones. Where these show all detail, it is fine enough in the middle of the
-    // farther half (docs/studies/sampling.md). Toward the edges of a wide angle, the picture is stretched.
+    // farther half (docs/studies/sampling.md).
     let middle = 0.5 * (nearest + farthest);
     let far = 0.5 * (middle + farthest);
     let tangent = 0.5 * f64::from(view.size[0].max(view.size[1])) / focal;
@@ -77,29 +92,19 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     });
     let rays = EdgeRays { slopes, slice: distance / middle };
     let step = [1, 2].map(|n: usize| {
-        let largest_step = focal / distance * column(slow_fast_medium[n]).length() * (1.0 + tangent * tangent);
+        // Of a voxel's steps in the picture, at that distance.
+        let step = |[[a, b], [c, d]]: [[f64; 2]; 2]| {
+            let across = if n == 1 { c.hypot(d) } else { a.hypot(b) };
+            across / ((a * d - b * c).abs() * middle)
+        };
+        let largest_step = ends.map(step).into_iter().fold(0.0, f64::max);
         let per_voxel = |step: f64, is_far| subject.resolution.per_voxel(n - 1, &rays, step, is_far);
         let finest = per_voxel(largest_step, false) * middle;
         1.0 / finest.max(per_voxel(largest_step * middle / far, true) * far)
     });
     let step = step.map(|side| side.min(LONGEST * step[0].min(step[1])));
-    // From a pixel's ray, in camera coordinates, to voxels along the slow (away from the eye), fast and medium axis.
-    let steps = [column(slow_fast_medium[0]) * away, column(slow_fast_medium[1]), column(slow_fast_medium[2])];
-    let camera_from_pixel = DMat3::from_cols(
-        DVec3::new(1.0 / focal, 0.0, 0.0),
-        DVec3::new(0.0, -1.0 / focal, 0.0),
-        DVec3::new(-centre[0] / focal, centre[1] / focal, 1.0),
-    );
-    let voxel_from_pixel = DMat3::from_cols(steps[0], steps[1], steps[2]).inverse() * camera_from_pixel;
-    let [columns, rows] = view.size.map(f64::from);
-    // How far a place moves on the plane, along its columns and its rows, per column and per row of the picture.
-    let moves = |[x, y]: [f64; 2]| {
-        let at = voxel_from_pixel * DVec3::new(x, y, 1.0);
-        let column = |k: usize| voxel_from_pixel.col(k);
-        let along = |side: usize, k: usize| column(k)[side] - at[side] / at[0] * column(k)[0];
-        [1, 2].map(|side: usize| [0, 1].map(|k| along(side, k) / (at[0] * step[side - 1])))
-    };
-    let low_pass = LowPass::new(moves([0.5 * columns, 0.5 * rows]), subject.width)?;
+    let on_plane = |moves: [[f64; 2]; 2]| [0, 1].map(|side: usize| moves[side].map(|moves| moves / step[side]));
+    let low_pass = LowPass::new(on_plane(moves([0.5 * columns, 0.5 * rows])), &ends.map(on_plane), subject.width);
     // If even the nearest voxels are tiny, no other way of sampling has enough samples.
     let nearest_corner = corners.iter().map(|corner| corner.z).fold(f64::INFINITY, f64::min);
     let longest_step = steps.map(DVec3::length).into_iter().fold(0.0, f64::max);
@@ -113,10 +118,9 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
             return None;
         }
     }
-    let on_picture =
-        |corner: &DVec3| [centre[0] + focal * corner.x / corner.z, centre[1] - focal * corner.y / corner.z];
-    let ends = part_of_picture(&corners, on_picture, [columns, rows]);
-    if !ends.into_iter().all(|end| is_filtered(subject, &low_pass, moves(end), is_wide_angle)) {
+    // Toward the edges of a wide angle, even voxels that are wide in the middle are as narrow as the low-pass.
+    let deviation = if is_wide_angle { LOW_PASS.into() } else { low_pass.deviation };
+    if deviation * low_pass.most_per_pixel > subject.sampling.pick(WIDEST) {
         return None;
     }
     let shown = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
@@ -158,20 +162,6 @@ fn part_of_picture(corners: &[DVec3; 8], on_picture: impl Fn(&DVec3) -> [f64; 2]
         }
     }
     [[low[0], low[1]], [low[0], high[1]], [high[0], low[1]], [high[0], high[1]]]
-}
-
-/// Returns whether the warp filters well where the picture's pixels are so far apart on the plane.
-fn is_filtered(subject: &Subject, low_pass: &LowPass, moves: [[f64; 2]; 2], is_wide_angle: bool) -> bool {
-    let is_mixed = low_pass.is_wide[0] != low_pass.is_wide[1];
-    [0, 1].into_iter().all(|side: usize| {
-        let moved = moves[side][0].hypot(moves[side][1]) / f64::from(1u32 << low_pass.halvings[side]);
-        let most = if is_mixed && !low_pass.is_wide[side] { MOST_ASIDE } else { subject.sampling.pick(WIDEST) };
-        // Toward the edges of a wide angle, even voxels that are wide in the middle are as narrow as the low-pass.
-        let deviation = if is_wide_angle { f64::from(LOW_PASS) } else { low_pass.deviation };
-        let least = subject.sampling.pick(NARROWEST);
-        let is_drawn = !low_pass.is_wide[side] || low_pass.deviation * moved >= least;
-        deviation * moved <= most && is_drawn
-    })
 }
 
 /// Returns by what fraction the perspective shrinks the side of a kernel that is away from the eye, at one voxel from its centre along

@@ -6,10 +6,9 @@
 //! plane -> coefficients of the spline (a recursive filter along rows, then columns) -> homography -> picture
 //! ```
 //!
-//! Where voxels are smaller than pixels, a Gaussian is the low-pass. If it is narrow, four points of the spline around
-//! each pixel of the picture stand for it. If not, it takes the plane's pixels themselves, and no spline is needed; where
-//! voxels are much smaller, the plane is halved first: the mean of two pixels becomes one. If it is narrow along one axis of the plane
-//! only, the spline is along that axis, and the Gaussian along the other.
+//! Where voxels are smaller than pixels, the plane is halved first if they are much smaller: the mean of two pixels becomes one. The
+//! low-pass is then a Gaussian over the coefficients of the spline. A cubic B-spline is nearly a Gaussian of variance 1/3, so one
+//! that is wider by this stands for both.
 //!
 //! Source: Unser, Aldroubi and Eden, "B-spline signal processing", 1993.
 
@@ -21,8 +20,7 @@ use std::ops::Range;
 
 use fearless_simd::{Level, dispatch};
 
-pub(super) use self::gaussian::MOST_ASIDE;
-use self::gaussian::{TAPS, blur, blur_along};
+use self::gaussian::{Variances, blur};
 use self::plane::Plane;
 use self::spline::{filter_columns, filter_rows, resample};
 use super::lattice::{Lattice, LowPass};
@@ -31,8 +29,10 @@ use crate::error::Result;
 use crate::parallel::in_parts;
 use crate::splat::Frame;
 
-/// Smallest standard deviation of a blur that is done, in pixels. A smaller one changes no value by more than 0.001.
+/// Smallest standard deviation of a low-pass that is applied, in pixels. A smaller one changes no value by more than 0.001.
 const MIN_BLUR: f64 = 0.03;
+/// Standard deviation of a low-pass, in pixels of the plane, from which on it takes more of them.
+const WIDE: f64 = 2.0;
 /// Pixels of the plane for which it is worthwhile to start a thread.
 const PART: usize = 1 << 16;
 
@@ -45,7 +45,7 @@ pub(super) fn warp(
     instructions: Level,
     threads: usize,
 ) -> Result<Frame> {
-    let LowPass { halvings, covariance, is_wide, .. } = lattice.low_pass;
+    let LowPass { halvings, deviation, most_per_pixel } = lattice.low_pass;
     let mut plane_from_pixel = lattice.plane_from_pixel;
     for halving in 0..halvings[0].max(halvings[1]) {
         let halves = halvings.map(|halvings| halving < halvings);
@@ -62,58 +62,35 @@ pub(super) fn warp(
     let mut picture = Frame::transparent(lattice.picture)?;
     let [columns, rows] = plane.size().map(|side| side as usize);
     let plane_threads = threads.min(columns * rows / PART).max(1);
-    // How many of the plane's pixels, from a place on, matter for it on each side.
-    let around = is_wide.map(|is_wide| if is_wide { TAPS / 2 } else { 2 });
-    let reach = match is_wide {
-        [false, false] => 1,
-        [true, true] => TAPS / 2,
-        _ => TAPS / 2 + MOST_ASIDE.ceil() as usize,
+    // How many of the plane's pixels along a side a pixel of the picture takes.
+    let taps = if deviation < MIN_BLUR {
+        4
+    } else if deviation * most_per_pixel <= WIDE {
+        8
+    } else {
+        16
     };
-    let Some(covered) = Covered::of(&plane, reach, plane_threads) else {
+    let around = taps / 2;
+    let Some(covered) = Covered::of(&plane, around - 1, plane_threads) else {
         return Ok(picture);
     };
-    let inner = |range: &Range<usize>, end: usize, around: usize| {
+    let inner = |range: &Range<usize>, end: usize| {
         [range.start.max(around - 1) as f64, range.end.min(end - around) as f64 - 0.001]
     };
-    let within = [inner(&covered.columns, columns, around[0]), inner(&covered.rows, rows, around[1])];
+    let within = [inner(&covered.columns, columns), inner(&covered.rows, rows)];
     let len = 4 * columns;
     let drawn = &mut plane.pixels_mut()[len * covered.rows.start..len * covered.rows.end];
-    if !is_wide[0] {
-        filter_rows(drawn, len, covered.columns.clone(), instructions, plane_threads);
-    }
-    if !is_wide[1] {
-        filter_columns(drawn, len, covered.columns, instructions, plane_threads);
-    }
+    filter_rows(drawn, len, covered.columns.clone(), instructions, plane_threads);
+    filter_columns(drawn, len, covered.columns, instructions, plane_threads);
     let samples = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
     let map = &plane_from_pixel;
-    match is_wide {
-        [true, true] => picture.fill_rows(threads, |y, row| {
-            dispatch!(instructions, simd => blur(simd, &samples, map, covariance, y as f64, row));
-        }),
-        [false, false] => {
-            let corners = corners(covariance);
-            let is_point = corners.as_flattened().iter().all(|distance| distance.abs() < MIN_BLUR);
-            picture.fill_rows(threads, |y, row| match is_point {
-                true => dispatch!(instructions, simd => resample(simd, &samples, map, &[[0.0; 2]], most, y as f64, row)),
-                false => dispatch!(instructions, simd => resample(simd, &samples, map, &corners, most, y as f64, row)),
-            });
-        }
-        [is_across, _] => picture.fill_rows(threads, |y, row| match is_across {
-            true => dispatch!(instructions, simd => blur_along::<_, 0>(simd, &samples, map, covariance, most, y as f64, row)),
-            false => dispatch!(instructions, simd => blur_along::<_, 1>(simd, &samples, map, covariance, most, y as f64, row)),
-        }),
-    }
+    let variances = Variances { low_pass: deviation * deviation, spline: lattice.low_pass.spline_variance() };
+    picture.fill_rows(threads, |y, row| match taps {
+        4 => dispatch!(instructions, simd => resample(simd, &samples, map, most, y as f64, row)),
+        8 => dispatch!(instructions, simd => blur::<_, 8>(simd, &samples, map, variances, most, y as f64, row)),
+        _ => dispatch!(instructions, simd => blur::<_, 16>(simd, &samples, map, variances, most, y as f64, row)),
+    });
     Ok(picture)
-}
-
-/// Returns four points around a pixel, in pixels of the picture, whose mean blurs with this covariance: each is one standard
-/// deviation away along two axes.
-fn corners([xx, xy, yy]: [f64; 3]) -> [[f64; 2]; 4] {
-    let distance = xx.max(0.0).sqrt();
-    let aside = if distance > 0.0 { xy / distance } else { 0.0 };
-    let other = (yy - aside * aside).max(0.0).sqrt();
-    [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
-        .map(|[one, two]: [f64; 2]| [one * distance, one * aside + two * other])
 }
 
 /// Returns the plane with half as many columns, rows, or both, as `halves` says. Its pixels are means;

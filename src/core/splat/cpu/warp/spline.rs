@@ -16,11 +16,11 @@ use crate::splat::arith::at_most;
 /// The pole of the cubic B-spline's recursive filter: sqrt(3) - 2.
 const POLE: f32 = -0.267_949_2;
 /// A factor of -6 times [`POLE`]. The two passes of the filter leave it out, and [`spline_weights`] include it instead.
-const GAIN: f32 = 6.0 * 0.267_949_2;
+pub(super) const GAIN: f32 = 6.0 * 0.267_949_2;
 
 /// Returns the weights, times [`GAIN`], of four neighbouring coefficients at points `t` (0 to 1) past the second one.
 #[inline(always)]
-pub(super) fn spline_weights<S: Simd>(t: f32x16<S>) -> [[f32; TOGETHER]; 4] {
+fn spline_weights<S: Simd>(t: f32x16<S>) -> [[f32; TOGETHER]; 4] {
     let s = 1.0 - t;
     let [a, d] = [s * s * s * (GAIN / 6.0), t * t * t * (GAIN / 6.0)];
     let [b, c] = [2.0 / 3.0 - t * t * (2.0 - t) / 2.0, 2.0 / 3.0 - s * s * (2.0 - s) / 2.0];
@@ -117,56 +117,36 @@ fn follow(row: &mut [f32], before: &[f32]) {
     }
 }
 
-/// Computes a row of the picture: the mean of the plane's spline at `points` around each pixel. The row is empty before.
+/// Computes a row of the picture: the plane's spline at each pixel. The row is empty before.
 #[inline(always)]
-pub(super) fn resample<S: Simd, const POINTS: usize>(
+pub(super) fn resample<S: Simd>(
     simd: S,
     from: &Plane,
     map: &[[f64; 3]; 3],
-    points: &[[f64; 2]; POINTS],
     most: f32,
     y: f64,
     row: &mut [[f32; 4]],
 ) {
-    let line = |[dx, dy]: [f64; 2], x: f64| map.map(|[a, b, c]| [a, (x + dx) * a + (b * (y + dy) + c)]);
-    let seen = points.map(|point| from.columns_seen(line(point, 0.0), row.len()));
-    let seen = seen.into_iter().filter(|columns| !columns.is_empty());
-    let columns = seen.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or_default();
+    let line = map.map(|[a, b, c]| [a, b * y + c]);
+    let columns = from.columns_seen(line, row.len());
     let rows = from.rows();
     for first in columns.clone().step_by(TOGETHER) {
-        let pixels = &mut row[first..columns.end.min(first + TOGETHER)];
-        let mut at = [PlanePoints::at_zero(simd); POINTS];
-        let mut weights = [[[[0.0; TOGETHER]; 4]; 2]; POINTS];
-        let mut near = 0;
-        for (at, point) in at.iter_mut().zip(points) {
-            *at = PlanePoints::of(simd, line(*point, first as f64), from);
-            near |= at.near;
-        }
-        if near == 0 {
+        let at = PlanePoints::of(simd, line.map(|[step, start]| [step, first as f64 * step + start]), from);
+        if at.near == 0 {
             continue;
         }
-        for (at, weights) in at.iter().zip(&mut weights) {
-            *weights = [spline_weights(at.fraction[0]), spline_weights(at.fraction[1])];
-        }
-        for (i, pixel) in pixels.iter_mut().enumerate() {
-            if near >> i & 1 == 0 {
-                continue;
-            }
-            let mut sum = f32x4::splat(simd, 0.0);
-            for (at, [across, down]) in at.iter().zip(&weights) {
-                if POINTS == 1 || at.near >> i & 1 == 1 {
-                    let first = (at.pixel[i] as usize).wrapping_sub(from.columns + 1);
-                    sum += weighted(simd, &rows, first, [across, down], i);
-                }
-            }
-            *pixel = in_range(sum * (1.0 / POINTS as f32), most);
+        let [across, down] = at.fraction.map(spline_weights);
+        let pixels = &mut row[first..columns.end.min(first + TOGETHER)];
+        for (i, pixel) in pixels.iter_mut().enumerate().filter(|(i, _)| at.near >> i & 1 == 1) {
+            let first = (at.pixel[i] as usize).wrapping_sub(from.columns + 1);
+            *pixel = in_range(weighted(simd, &rows, first, [&across, &down], i), most);
         }
     }
 }
 
 /// Returns the sum of four columns and rows of values, from index `first` on, times weights number `i` of each column and row.
 #[inline(always)]
-pub(super) fn weighted<S: Simd>(
+fn weighted<S: Simd>(
     simd: S,
     rows: &[&[[f32; 4]]; 4],
     first: usize,
