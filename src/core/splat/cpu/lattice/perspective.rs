@@ -77,7 +77,7 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     };
     let on_picture =
         |corner: &DVec3| [centre[0] + focal * corner.x / corner.z, centre[1] - focal * corner.y / corner.z];
-    let ends = part_of_picture(&corners, on_picture, [columns, rows]).map(moves);
+    let ends: Vec<_> = shown_ends(&corners, on_picture, [columns, rows]).into_iter().map(moves).collect();
     // The lattice is finer in near slices and coarser in far ones. Where these show all detail, it is fine enough in the middle of the
     // farther half (docs/studies/sampling.md).
     let middle = 0.5 * (nearest + farthest);
@@ -93,18 +93,19 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     let rays = EdgeRays { slopes, slice: distance / middle };
     let step = [1, 2].map(|n: usize| {
         // Of a voxel's steps in the picture, at that distance.
-        let step = |[[a, b], [c, d]]: [[f64; 2]; 2]| {
-            let across = if n == 1 { c.hypot(d) } else { a.hypot(b) };
+        let step = |[[a, b], [c, d]]: &[[f64; 2]; 2]| {
+            let across = if n == 1 { c.hypot(*d) } else { a.hypot(*b) };
             across / ((a * d - b * c).abs() * middle)
         };
-        let largest_step = ends.map(step).into_iter().fold(0.0, f64::max);
+        let largest_step = ends.iter().map(step).fold(0.0, f64::max);
         let per_voxel = |step: f64, is_far| subject.resolution.per_voxel(n - 1, &rays, step, is_far);
         let finest = per_voxel(largest_step, false) * middle;
         1.0 / finest.max(per_voxel(largest_step * middle / far, true) * far)
     });
     let step = step.map(|side| side.min(LONGEST * step[0].min(step[1])));
-    let on_plane = |moves: [[f64; 2]; 2]| [0, 1].map(|side: usize| moves[side].map(|moves| moves / step[side]));
-    let low_pass = LowPass::new(on_plane(moves([0.5 * columns, 0.5 * rows])), &ends.map(on_plane), subject.width);
+    let on_plane = |moves: &[[f64; 2]; 2]| [0, 1].map(|side: usize| moves[side].map(|moves| moves / step[side]));
+    let ends: Vec<_> = ends.iter().map(on_plane).collect();
+    let low_pass = LowPass::new(on_plane(&moves([0.5 * columns, 0.5 * rows])), &ends, subject.width);
     // If even the nearest voxels are tiny, no other way of sampling has enough samples.
     let nearest_corner = corners.iter().map(|corner| corner.z).fold(f64::INFINITY, f64::min);
     let longest_step = steps.map(DVec3::length).into_iter().fold(0.0, f64::max);
@@ -148,20 +149,39 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     Some(subject.lattice(size, plane_from_pixel, low_pass, rays))
 }
 
-/// Returns the corners of the part of the picture that shows a box; of all of it if a corner of the box is beside the eye or
-/// behind it. `corners`: those of the box, from the eye; `size`: the picture's.
-fn part_of_picture(corners: &[DVec3; 8], on_picture: impl Fn(&DVec3) -> [f64; 2], size: [f64; 2]) -> [[f64; 2]; 4] {
-    let (mut low, mut high) = ([0.0; 2], size);
+/// Returns the corners of the part of the picture that shows a box; of all of it if none does, or if a corner of the box is beside the
+/// eye or behind it. `corners`: those of the box, from the eye; `size`: the picture's.
+fn shown_ends(corners: &[DVec3; 8], on_picture: impl Fn(&DVec3) -> [f64; 2], size: [f64; 2]) -> Vec<[f64; 2]> {
+    let mut ends = Vec::new();
     if corners.iter().all(|corner| corner.z > 0.0) {
-        (low, high) = (size, [0.0; 2]);
-        for place in corners.iter().map(on_picture) {
-            for side in 0..2 {
-                let place = place[side].clamp(0.0, size[side]);
-                (low[side], high[side]) = (low[side].min(place), high[side].max(place));
+        let corners = corners.each_ref().map(on_picture);
+        for axis in 0..3 {
+            let others = [1 << ((axis + 1) % 3), 1 << ((axis + 2) % 3)];
+            for face in [0, 1 << axis] {
+                let face = [0, others[0], others[0] | others[1], others[1]].map(|corner| corners[face | corner]);
+                ends.extend(clipped(face.to_vec(), size));
             }
         }
     }
-    [[low[0], low[1]], [low[0], high[1]], [high[0], low[1]], [high[0], high[1]]]
+    if ends.is_empty() { vec![[0.0, 0.0], [size[0], 0.0], [0.0, size[1]], size] } else { ends }
+}
+
+/// Returns a convex polygon within a picture.
+fn clipped(mut polygon: Vec<[f64; 2]>, size: [f64; 2]) -> Vec<[f64; 2]> {
+    for (side, edge, sign) in [(0, 0.0, 1.0), (0, size[0], -1.0), (1, 0.0, 1.0), (1, size[1], -1.0)] {
+        let inside = |place: &[f64; 2]| sign * (place[side] - edge);
+        let next = polygon.iter().cycle().skip(1);
+        polygon = (polygon.iter().zip(next))
+            .flat_map(|(a, b)| {
+                let (before, after) = (inside(a), inside(b));
+                let crossing = before / (before - after);
+                let crossed = (before < 0.0) != (after < 0.0);
+                let crossing = crossed.then(|| [0, 1].map(|k: usize| a[k] + crossing * (b[k] - a[k])));
+                [(before >= 0.0).then_some(*a), crossing].into_iter().flatten()
+            })
+            .collect();
+    }
+    polygon
 }
 
 /// Returns by what fraction the perspective shrinks the side of a kernel that is away from the eye, at one voxel from its centre along
