@@ -25,6 +25,8 @@ const WIDE_ANGLE: f64 = 0.768;
 /// Width of a footprint, in pixels, up to which a voxel is tiny, and these limits do not hold: that of the low-pass on sixteen samples
 /// a pixel's side.
 const TINY_FOOTPRINT: f64 = 0.0375;
+/// Least density of the plane's pixels anywhere as a share of that in the middle of the picture, in pixels of the picture.
+const AT_ENDS: f64 = 0.8;
 // Pairs are for `Sampling::Enough` and `Sampling::Fewest`.
 /// The most that [`unevenness`] may be at any corner of the box, in kernels. Measured: docs/studies/sampling.md.
 const MOST_UNEVEN: [f64; 2] = [0.015, 0.036];
@@ -77,6 +79,7 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     };
     let on_picture =
         |corner: &DVec3| [centre[0] + focal * corner.x / corner.z, centre[1] - focal * corner.y / corner.z];
+    let at_middle = moves([0.5 * columns, 0.5 * rows]);
     let ends: Vec<_> = shown_ends(&corners, on_picture, [columns, rows]).into_iter().map(moves).collect();
     // The lattice is finer in near slices and coarser in far ones. Where these show all detail, it is fine enough in the middle of the
     // farther half (docs/studies/sampling.md).
@@ -97,7 +100,8 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
             let across = if n == 1 { c.hypot(*d) } else { a.hypot(*b) };
             across / ((a * d - b * c).abs() * middle)
         };
-        let largest_step = ends.iter().map(step).fold(0.0, f64::max);
+        let largest_step: f64 = ends.iter().map(step).fold(0.0, f64::max);
+        let largest_step = step(&at_middle).max(AT_ENDS * largest_step);
         let per_voxel = |step: f64, is_far| subject.resolution.per_voxel(n - 1, &rays, step, is_far);
         let finest = per_voxel(largest_step, false) * middle;
         1.0 / finest.max(per_voxel(largest_step * middle / far, true) * far)
@@ -105,7 +109,7 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     let step = step.map(|side| side.min(LONGEST * step[0].min(step[1])));
     let on_plane = |moves: &[[f64; 2]; 2]| [0, 1].map(|side: usize| moves[side].map(|moves| moves / step[side]));
     let ends: Vec<_> = ends.iter().map(on_plane).collect();
-    let low_pass = LowPass::new(on_plane(&moves([0.5 * columns, 0.5 * rows])), &ends, subject.width);
+    let low_pass = LowPass::new(on_plane(&at_middle), &ends, subject.width);
     // If even the nearest voxels are tiny, no other way of sampling has enough samples.
     let nearest_corner = corners.iter().map(|corner| corner.z).fold(f64::INFINITY, f64::min);
     let longest_step = steps.map(DVec3::length).into_iter().fold(0.0, f64::max);
