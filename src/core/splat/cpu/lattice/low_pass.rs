@@ -6,9 +6,13 @@
 use crate::splat::kernel::LOW_PASS;
 use crate::splat::view::MAX_SIZE;
 
-/// Width of the plane's margin around the voxels, in its pixels after halving, so that the voxels' edge is interpolated
-/// correctly.
-const MARGIN: f64 = 6.0;
+/// Width of the plane's margin around the voxels beside what a pixel of the picture takes on one side, in its pixels after halving, so
+/// that the voxels' edge is interpolated correctly.
+const MARGIN: f64 = 2.0;
+/// Smallest standard deviation that is applied, in pixels of the picture. A smaller one changes no value by more than 0.001.
+const MIN_BLUR: f64 = 0.03;
+/// Standard deviation in pixels of the plane above which more of them are taken.
+const WIDE: f64 = 2.0;
 /// Standard deviation of the low-pass in the picture's middle, along columns and along rows of the plane, above which the
 /// plane is halved first; in the plane's pixels.
 const HALVED_ABOVE: f64 = 1.4;
@@ -24,7 +28,7 @@ pub(in super::super) struct LowPass {
     /// Standard deviation of the whole filter, in pixels of the picture.
     pub(in super::super) deviation: f64,
     /// The most pixels of the halved plane to a pixel of the picture, along either axis.
-    pub(in super::super) most_per_pixel: f64,
+    pub(super) most_per_pixel: f64,
 }
 
 impl LowPass {
@@ -54,6 +58,15 @@ impl LowPass {
         LowPass { halvings, deviation, most_per_pixel: halved(0).max(halved(1)) }
     }
 
+    /// Returns how many pixels of the halved plane along a side a pixel of the picture takes: 4 if there is nothing to filter.
+    pub(in super::super) fn taps(&self) -> usize {
+        match self.deviation {
+            ..MIN_BLUR => 4,
+            deviation if deviation * self.most_per_pixel <= WIDE => 8,
+            _ => 16,
+        }
+    }
+
     /// Returns the variance along columns and along rows that a Gaussian over the coefficients of the spline through the halved plane has
     /// beside that of the low-pass, in square pixels: a cubic B-spline's. The mean of 2^n pixels is a filter, too.
     pub(in super::super) fn spline_variance(&self) -> [f64; 2] {
@@ -63,7 +76,7 @@ impl LowPass {
     /// Returns the first pixel of a plane that covers what lies between `low` and `high` pixels along columns (`side` 0) or rows (1),
     /// and how many there are.
     pub(super) fn pixels_between(self, side: usize, low: f64, high: f64) -> Option<(f64, u32)> {
-        let margin = MARGIN * f64::from(1u32 << self.halvings[side]);
+        let margin = (MARGIN + 0.5 * self.taps() as f64) * f64::from(1u32 << self.halvings[side]);
         let first = low.floor() - margin;
         let pixels = (high.ceil() - first + margin + 1.0).max(2.0 * margin);
         (pixels <= f64::from(MAX_SIZE) - 4.0).then_some((first, (pixels as u32).next_multiple_of(4)))

@@ -29,10 +29,6 @@ use crate::error::Result;
 use crate::parallel::in_parts;
 use crate::splat::Frame;
 
-/// Smallest standard deviation of a low-pass that is applied, in pixels. A smaller one changes no value by more than 0.001.
-const MIN_BLUR: f64 = 0.03;
-/// Standard deviation of a low-pass, in pixels of the plane, from which on it takes more of them.
-const WIDE: f64 = 2.0;
 /// Pixels of the plane for which it is worthwhile to start a thread.
 const PART: usize = 1 << 16;
 
@@ -45,7 +41,7 @@ pub(super) fn warp(
     instructions: Level,
     threads: usize,
 ) -> Result<Frame> {
-    let LowPass { halvings, deviation, most_per_pixel } = lattice.low_pass;
+    let LowPass { halvings, deviation, .. } = lattice.low_pass;
     let mut plane_from_pixel = lattice.plane_from_pixel;
     for halving in 0..halvings[0].max(halvings[1]) {
         let halves = halvings.map(|halvings| halving < halvings);
@@ -62,14 +58,8 @@ pub(super) fn warp(
     let mut picture = Frame::transparent(lattice.picture)?;
     let [columns, rows] = plane.size().map(|side| side as usize);
     let plane_threads = threads.min(columns * rows / PART).max(1);
-    // How many of the plane's pixels along a side a pixel of the picture takes.
-    let taps = if deviation < MIN_BLUR {
-        4
-    } else if deviation * most_per_pixel <= WIDE {
-        8
-    } else {
-        16
-    };
+    let taps = lattice.low_pass.taps();
+    // How many of the plane's pixels, from a place on, matter for it on each side.
     let around = taps / 2;
     let Some(covered) = Covered::of(&plane, around - 1, plane_threads) else {
         return Ok(picture);
