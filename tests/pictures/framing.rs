@@ -81,6 +81,20 @@ fn one_view_fills_nine_tenths_and_has_what_is_visible_in_its_middle() {
 }
 
 #[test]
+fn a_crop_that_removes_nothing_changes_no_camera() {
+    let model = model();
+    let whole = VoxelBox { low: [0; 3], high: [69, 44, 32] };
+    for fov in [None, Some(20.0), Some(100.0)] {
+        for azimuth in (0..360).step_by(45) {
+            let orbit = Orbit { fov, ..Camera::orbit(f64::from(azimuth), 20.0) };
+            let camera = |crop| model.camera(&orbit, &Settings::new([90, 70]).with_crop(crop)).unwrap();
+            let ([with, without], axes) = ([Some(whole), None].map(camera), camera(None).axes());
+            assert_eq!((with.position(), with.axes()), (without.position(), axes), "{orbit:?}");
+        }
+    }
+}
+
+#[test]
 fn a_turn_has_one_scale_at_which_each_frame_fits() {
     let model = model();
     let size = [160, 120];

@@ -28,7 +28,7 @@ pub struct Outline<'a> {
     voxels: Voxels<'a>,
     /// Only voxels in this box count.
     within: VoxelBox,
-    /// World position of the middle of the box around all voxels.
+    /// World position of the middle of the box around all voxels that count.
     centre: DVec3,
 }
 
@@ -65,11 +65,26 @@ impl<'a> Outline<'a> {
             |(at, lane): &([u16; 3], Lane)| lane.bounds().map(|(low, high)| moved(VoxelBox { low, high }, *at));
         let visible = lanes.iter().filter_map(of_lane).reduce(around);
         let within = crop.or(visible).unwrap_or_else(|| whole(grid));
-        if visible.is_some_and(|visible| visible.meets(&within)) {
-            Outline::new(grid, Voxels::Lanes(lanes), within)
-        } else {
-            Outline::of_boxes(grid, [within])
+        let counted = visible.filter(|visible| visible.meets(&within)).and_then(|visible| match crop {
+            None => Some(visible),
+            Some(_) => Outline::new(grid, Voxels::Lanes(lanes.clone()), within).counted(&lanes),
+        });
+        match counted {
+            Some(counted) => Outline::new(grid, Voxels::Lanes(lanes), counted),
+            None => Outline::of_boxes(grid, [within]),
         }
+    }
+
+    /// Returns the smallest box around the visible voxels of `lanes` that count; `None` if there are none.
+    fn counted(&self, lanes: &[([u16; 3], Lane)]) -> Option<VoxelBox> {
+        let most = |farthest: &dyn Fn(&VoxelBox) -> f64| {
+            let reached = lanes.iter().map(|(at, lane)| self.farthest_voxel(*at, lane, farthest));
+            reached.fold(f64::NEG_INFINITY, f64::max)
+        };
+        let high = [0, 1, 2].map(|a: usize| most(&|part| f64::from(part.high[a])));
+        let low = [0, 1, 2].map(|a: usize| -most(&|part| -f64::from(part.low[a])));
+        let place = |at: f64| at as u16;
+        high[0].is_finite().then(|| VoxelBox { low: low.map(place), high: high.map(place) })
     }
 
     fn new(grid: &Grid, voxels: Voxels<'a>, within: VoxelBox) -> Outline<'a> {

@@ -63,11 +63,6 @@ pub(super) struct PlanePoints<S: Simd> {
 }
 
 impl<S: Simd> PlanePoints<S> {
-    #[inline(always)]
-    pub(super) fn at_zero(simd: S) -> PlanePoints<S> {
-        PlanePoints { pixel: [0; TOGETHER], fraction: [f32x16::splat(simd, 0.0); 2], near: 0 }
-    }
-
     /// Returns the points whose columns and rows are quotients: each of the three `lines` is a step and a first number,
     /// and the third is the divisor.
     #[inline(always)]

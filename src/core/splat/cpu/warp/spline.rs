@@ -119,14 +119,7 @@ fn follow(row: &mut [f32], before: &[f32]) {
 
 /// Computes a row of the picture: the plane's spline at each pixel. The row is empty before.
 #[inline(always)]
-pub(super) fn resample<S: Simd>(
-    simd: S,
-    from: &Plane,
-    map: &[[f64; 3]; 3],
-    most: f32,
-    y: f64,
-    row: &mut [[f32; 4]],
-) {
+pub(super) fn resample<S: Simd>(simd: S, from: &Plane, map: &[[f64; 3]; 3], most: f32, y: f64, row: &mut [[f32; 4]]) {
     let line = map.map(|[a, b, c]| [a, b * y + c]);
     let columns = from.columns_seen(line, row.len());
     let rows = from.rows();
