@@ -31,7 +31,7 @@ pub(super) const WORTHWHILE: f64 = 0.4;
 /// the least of all sets.
 const UNMEASURED: f64 = 0.5;
 
-/// Least thickness, in blocks of a level, of a crop that divides such blocks and whose draft is drawn from the level. The crop is then
+/// Least thickness of a crop, in blocks of a level, along each axis that it cuts, for the level to be drawn. In a draft the crop is
 /// rounded to whole blocks: one of a single slice would vanish, or become a block thick.
 const CROP_BLOCKS: u32 = 16;
 
@@ -226,7 +226,8 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
     Ok(runs.into_iter().filter_map(part).collect())
 }
 
-/// Returns whether a level shows the crop well: along each axis the crop has whole blocks or, in a draft, at least [`CROP_BLOCKS`].
+/// Returns whether a level shows the crop well: along each axis that it cuts, the crop has at least [`CROP_BLOCKS`], which are whole
+/// unless in a draft.
 fn keeps_crop(scene: &Scene, level: usize, settings: &Settings) -> bool {
     let Some(crop) = settings.crop else { return true };
     let factors = factors(&scene.facts.grid, &facts_of(scene, level).grid);
@@ -234,7 +235,8 @@ fn keeps_crop(scene: &Scene, level: usize, settings: &Settings) -> bool {
         let (points, factor) = (scene.facts.grid.dims[a], factors[a]);
         let (first, end) = (u32::from(crop.low[a]), points.min(u32::from(crop.high[a]) + 1));
         let is_whole = first.is_multiple_of(factor) && (end.is_multiple_of(factor) || end == points);
-        is_whole || settings.quality == Quality::Draft && end.saturating_sub(first) >= CROP_BLOCKS * factor
+        let is_thick = end.saturating_sub(first) >= CROP_BLOCKS * factor;
+        (first, end) == (0, points) || is_thick && (is_whole || settings.quality == Quality::Draft)
     })
 }
 
