@@ -138,6 +138,21 @@ fn what_cannot_be_read_does_not_keep_verify_from_the_other_files() {
 }
 
 #[test]
+fn a_manifest_whose_description_no_file_may_have_is_refused() {
+    let folder = Folder::new();
+    split(&folder);
+    let manifest = String::from_utf8(bytes(&folder, "a.adjs/collection.json")).expect("text");
+    let (before, _) = manifest.split_once("\"description\": ").expect("it is the last member");
+    for description in ["[1, 2]", "5", "null", "\"x\"", "{\"a\": 1e999}"] {
+        folder.write("a.adjs/collection.json", format!("{before}\"description\": {description}}}").as_bytes());
+        for line in ["join a.adjs -o b.adj", "verify a.adjs", "info a.adjs"] {
+            folder.adj(line).refused(&["collection.json", "description", "expected a JSON object"]);
+        }
+        assert!(!folder.file("b.adj").exists(), "{description}");
+    }
+}
+
+#[test]
 fn what_is_no_collection_is_refused_and_nothing_is_replaced() {
     let folder = Folder::new();
     split(&folder);
