@@ -80,6 +80,21 @@ fn wrong_flags_are_one_line_that_names_the_help() {
 }
 
 #[test]
+fn byte_orders_that_contradict_are_refused() {
+    let folder = Folder::new();
+    folder.write("r.raw", &[1, 0, 2, 0]);
+    let raw = |ty: &str, order: &str| {
+        folder.adj(&format!("raw r.raw --dims 2x1x1 --type {ty} --endian {order} -o o.raw --json --quiet"))
+    };
+    raw("i16be", "le").refused(&["--type i16be: says be, but --endian says le"]);
+    raw("i16le", "be").refused(&["--type i16le: says le, but --endian says be"]);
+    for (ty, order, first) in [("i16", "be", 0), ("i16be", "be", 0), ("i16", "le", 1), ("I16LE", "le", 1)] {
+        raw(ty, order).done();
+        assert_eq!(std::fs::read(folder.file("o.raw")).expect("written")[0], first, "{ty} {order}");
+    }
+}
+
+#[test]
 fn completions_for_the_shells() {
     for (shell, sign) in [("bash", "complete -F"), ("zsh", "#compdef adj"), ("fish", "complete -c adj")] {
         let script = adj(["completions", shell]).done();
