@@ -69,6 +69,12 @@ fn wrong_flags_are_one_line_that_names_the_help() {
     refused("build x.nii --order random -o a.adj", &["morton, hilbert, rows"]);
     refused("build x.nii --value-bits 12 -o a.adj", &["'12'", "8, 16"]);
     refused("build x.nii --skip -1 -o a.adj", &["-1"]);
+    refused("render x.nii -o a.png --crop -1..3,..,..", &["--crop", "0..127,0..63,10..20"]);
+    refused("trim x.adj -o a.adj --crop -1..3,..,..", &["--crop", "0..127,0..63,10..20"]);
+    for flag in ["--kernel", "--termination", "--size", "--frames"] {
+        let said = refused(&format!("render x.nii -o a.png {flag} -1"), &["'-1'", flag]);
+        assert!(!said.contains("-- -1"), "{said}");
+    }
     refused("build x.nii --iso abc -o a.adj", &["--iso", "abc"]);
     refused("trim x.adj y.adj -o z.adj", &["y.adj", "see adj trim --help"]);
     refused("biuld x.nii", &["biuld", "build", "see adj --help"]);
