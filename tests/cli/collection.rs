@@ -240,11 +240,25 @@ fn a_step_with_wrong_input_is_refused_and_writes_nothing() {
     folder
         .adj(&format!("brick scan plan.json 1 {volume} -o plan.json"))
         .refused(&["--output", "which this call reads or writes"]);
-    folder.adj(&format!("brick scan found-0.json 1 {volume} -o f.json")).refused(&["found-0.json", "missing field"]);
+    folder.adj(&format!("brick scan found-0.json 1 {volume} -o f.json")).refused(&[
+        "found-0.json",
+        "is the result of a scan, not a plan",
+        "adj brick plan makes",
+    ]);
+    folder.write("other.json", b"{\"grid\": 1}");
+    folder.adj(&format!("brick scan other.json 1 {volume} -o f.json")).refused(&[
+        "other.json",
+        "is no plan",
+        "adj brick plan",
+    ]);
     folder.adj(&format!("brick build plan.json 1 {volume} -o a.adjs")).refused(&["not agreed yet"]);
     folder.adj("brick agree plan.json found-0.json -o f.json").refused(&["scan brick 1 too"]);
     folder.adj("brick agree plan.json found-0.json found-0.json -o f.json").refused(&["are there twice"]);
-    folder.adj("brick agree plan.json plan.json -o f.json").refused(&["plan.json", "missing field"]);
+    folder.adj("brick agree plan.json plan.json -o f.json").refused(&[
+        "plan.json",
+        "adj brick scan makes",
+        "missing field",
+    ]);
     folder.adj("brick finish plan.json a.adjs").refused(&["not agreed yet"]);
     folder.adj(&format!("brick scan plan.json 1 {volume} -o found-1.json")).done();
     folder.adj("brick agree plan.json found-0.json found-1.json -o agreed.json").done();
@@ -257,7 +271,7 @@ fn a_step_with_wrong_input_is_refused_and_writes_nothing() {
         .refused(&["cannot create the folder plan.json"]);
     folder.adj("brick plan no.nrrd --range 3.. --slab 4 -o p.json").refused(&["no.nrrd"]);
     let names = folder.names();
-    assert_eq!(names, ["agreed.json", "found-0.json", "found-1.json", "plan.json"]);
+    assert_eq!(names, ["agreed.json", "found-0.json", "found-1.json", "other.json", "plan.json"]);
     folder.adj(&format!("brick build agreed.json 1 {volume} -o a.adjs")).done();
     folder.adj("brick finish agreed.json a.adjs").refused(&["visible voxels are there", "have any of: 0"]);
     folder.adj(&format!("brick build agreed.json 0 {volume} -o a.adjs")).done();
