@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
-use serde::de::DeserializeOwned;
 
 use super::build::PackingArguments;
 use super::classification::ClassificationArguments;
@@ -195,7 +194,7 @@ fn scan(arguments: &ScanArguments) -> Result<Answer> {
 fn agree(arguments: &AgreeArguments) -> Result<Answer> {
     let AgreeArguments { plan, found, output } = arguments;
     check_output("--output", output, found.iter().chain([plan]))?;
-    let findings = found.iter().map(|path| read::<Findings>(path)).collect::<Result<Vec<_>>>()?;
+    let findings = found.iter().map(|path| read_findings(path)).collect::<Result<Vec<_>>>()?;
     let plan = read_plan(plan)?.agree(&findings)?;
     let is_agreed = plan.is_agreed()?;
     write(output, &plan.to_json())?;
@@ -260,15 +259,34 @@ impl BrickOfVolume {
 /// Most bytes of a plan or of findings: transfer functions may be long.
 const MOST_BYTES: u64 = 256 << 20;
 
-fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
+fn read_findings(path: &Path) -> Result<Findings> {
     let text = read_text(path, MOST_BYTES)?;
-    serde_json::from_str(&text).map_err(|error| Error::input(path.display().to_string(), error.to_string()))
+    serde_json::from_str(&text).map_err(|error| {
+        let why = format!("is no result of a scan ({}); adj brick scan makes one", without_backticks(&error));
+        Error::input(path.display().to_string(), why)
+    })
+}
+
+/// Returns the message of a parser. Quotation marks of another kind would read as names of flags.
+fn without_backticks(error: &serde_json::Error) -> String {
+    error.to_string().replace('`', "\"")
 }
 
 fn read_plan(path: &Path) -> Result<Plan> {
-    Plan::from_json(&read_text(path, MOST_BYTES)?).map_err(|error| match error {
-        Error::Input { what, why } if what == "plan" => Error::input(path.display().to_string(), why),
-        other => other,
+    let text = read_text(path, MOST_BYTES)?;
+    Plan::from_json(&text).map_err(|error| {
+        let name = path.display().to_string();
+        match (error, serde_json::from_str::<Plan>(&text)) {
+            (_, Err(_)) if serde_json::from_str::<Findings>(&text).is_ok() => {
+                Error::input(name, "is the result of a scan, not a plan; give the plan, which adj brick plan makes")
+            }
+            (_, Err(fault)) => {
+                let why = format!("is no plan ({}); adj brick plan makes one", without_backticks(&fault));
+                Error::input(name, why)
+            }
+            (Error::Input { what, why }, Ok(_)) if what == "plan" => Error::input(name, why),
+            (other, Ok(_)) => other,
+        }
     })
 }
 

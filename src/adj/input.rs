@@ -93,8 +93,8 @@ pub(super) struct InputArguments {
     dims: Option<[u64; 3]>,
     /// Type of a voxel: u8, i8, u16, i16, u32, i32, f32 or f64; add be for big endian (u16be).
     /// Needed for a raw file; u8 by default for a phantom
-    #[arg(long = "type", value_name = "TYPE", value_parser = library(parse_type))]
-    sample_type: Option<(SampleType, Endian)>,
+    #[arg(long = "type", value_name = "TYPE", value_parser = library(type_and_order))]
+    sample_type: Option<(SampleType, Option<Endian>)>,
     /// Byte order of a raw file: little or big endian; by default what --type says
     #[arg(long, value_name = "ORDER", value_parser = choice([("le", Endian::Little, ""), ("be", Endian::Big, "")]))]
     endian: Option<Endian>,
@@ -204,8 +204,16 @@ impl InputArguments {
     /// Returns how to read a raw file; `None` if the flags for raw files are not given.
     fn raw(&self) -> Result<Option<RawOptions>> {
         match (self.dims, self.sample_type) {
+            (Some(_), Some((sample_type, Some(of_type)))) if self.endian.is_some_and(|endian| endian != of_type) => {
+                let [order, other] = match of_type {
+                    Endian::Little => ["le", "be"],
+                    Endian::Big => ["be", "le"],
+                };
+                let why = format!("says {order}, but --endian says {other}; give one of them");
+                Err(Error::input(format!("--type {}{order}", sample_type.name()), why))
+            }
             (Some(dims), Some((sample_type, endian))) => {
-                let raw = RawOptions::new(dims, sample_type).endian(self.endian.unwrap_or(endian));
+                let raw = RawOptions::new(dims, sample_type).endian(self.endian.or(endian).unwrap_or(Endian::Little));
                 Ok(Some(raw.skip(self.skip.unwrap_or(0))))
             }
             (None, None) if self.endian.is_some() || self.skip.is_some() => {
@@ -235,6 +243,13 @@ fn flip(grid: &mut Grid, axis: Axis) {
 pub(super) fn phantom(input: &Path) -> Result<Option<Phantom>> {
     let name = input.to_str().and_then(|text| text.strip_prefix("phantom:"));
     name.map(Phantom::from_name).transpose()
+}
+
+/// Parses a sample type: `u16`, or with the byte order, which is `None` if the text does not say it, `u16be`.
+fn type_and_order(text: &str) -> Result<(SampleType, Option<Endian>)> {
+    let (sample_type, endian) = parse_type(text)?;
+    let says_order = text.len() > sample_type.name().len();
+    Ok((sample_type, says_order.then_some(endian)))
 }
 
 /// Parses three distances: `1x1x1.5` or `1,1,1.5`.

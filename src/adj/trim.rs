@@ -40,7 +40,7 @@ pub(super) struct Arguments {
     output: PathBuf,
     /// Keep only voxels in this box of indices, ends included: 0..127,..63,10.. The grid shrinks to the box;
     /// voxels keep their place in the world
-    #[arg(long, value_name = "X,Y,Z", value_parser = crop)]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = crop)]
     crop: Option<Crop>,
     /// With --crop: keep the grid's size and origin
     #[arg(long, requires = "crop")]

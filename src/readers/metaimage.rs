@@ -2,13 +2,15 @@
 //!
 //! In: `Key = value` lines up to `ElementDataFile`. Out: a slab source (which reads slice by slice). World vectors are
 //! L, P, S as in ITK and are converted to R, A, S. `AnatomicalOrientation` gives the directions only if there is no
-//! matrix. `CompressedDataSize` is ignored: some writers store wrong values, and a compressed stream marks its own end.
+//! matrix. A compressed stream marks its own end, so `CompressedDataSize` only shows whether a file was cut short.
 //!
 //! Source: the MetaIO documentation (itk.org/Wiki/ITK/MetaIO/Documentation).
 
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use super::file_list::{FilePattern, check_count, data_file, listed_files};
+use super::files::{length, open_regular};
 use super::frame::{FileFrame, IDENTITY, World};
 use super::lines::{HeaderLine, HeaderLines, clip};
 use super::open::{OpenOptions, plain_header};
@@ -49,6 +51,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let grid = fields.frame(path)?.grid(path, "MetaImage grid", dims, options.spacing)?;
     let (files, local) = fields.files(path, &mut lines, options)?;
     let start = fields.start(path, if local { lines.position() } else { 0 })?;
+    fields.check_packing(path, codec, &files, start)?;
     SlabReader::open(SampleFiles {
         header: plain_header(grid, sample_type, path, "MetaImage"),
         codec,
@@ -86,6 +89,9 @@ impl MetaImageFields {
             let Some((key, value)) = text.split_once('=') else {
                 return Err(Error::format(path, at, "MetaImage line", "Key = value", clip(&text)));
             };
+            if key.trim() == "ObjectType" && !value.trim().eq_ignore_ascii_case("Image") {
+                return Err(Error::format(path, at, "MetaImage ObjectType", "Image", clip(value.trim())));
+            }
             last = key.trim() == "ElementDataFile";
             entries.push((key.trim().to_string(), value.trim().to_string(), at));
             if entries.len() > MAX_LINES {
@@ -171,6 +177,34 @@ impl MetaImageFields {
             (false, true) => Ok(Codec::Deflate),
             (false, false) => Ok(Codec::Raw),
         }
+    }
+
+    /// Checks the first of `files`, whose samples start at `start`: it must not be shorter than `CompressedDataSize`
+    /// says, and not be a gzip file that the header does not call compressed.
+    fn check_packing(&self, path: &Path, codec: Codec, files: &[PathBuf], start: SampleStart) -> Result<()> {
+        let Some(file) = files.first() else { return Ok(()) };
+        if codec == Codec::Raw && file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gz")) {
+            let mut magic = Vec::new();
+            let (data, _) = open_regular(file, "open data file")?;
+            data.take(2).read_to_end(&mut magic).map_err(Error::io("read data file", file))?;
+            if magic == [0x1f, 0x8b] {
+                let stated = self.get(&["CompressedData"]);
+                let (got, at) = stated.map_or(("no such line".into(), 0), |(value, at)| (clip(value), at));
+                let expected = format!("True, as {} is a gzip file (correct the header)", file.display());
+                return Err(Error::format(path, at, "MetaImage CompressedData", expected, got));
+            }
+        }
+        // Old writers store the size as a rounded number with an exponent.
+        let stated = self.get(&["CompressedDataSize"]).and_then(|(value, at)| Some((value.parse::<u64>().ok()?, at)));
+        if let (Codec::Deflate, [_], SampleStart::At(first), Some((need, at))) = (codec, files, start, stated)
+            && let Some(len) = length(file, "open data file")?
+            && len.saturating_sub(first) < need
+        {
+            let (expected, have) = (format!("{need} compressed bytes"), len.saturating_sub(first));
+            let got = format!("{have} in {} (copy or download the file again)", file.display());
+            return Err(Error::format(path, at, "MetaImage CompressedDataSize", expected, got));
+        }
+        Ok(())
     }
 
     /// Returns where samples start: at byte `HeaderSize`; at `header_end` if that is 0; if it is -1, they end with the

@@ -2,8 +2,8 @@
 //!
 //! In: a 348- or 540-byte binary header of either byte order, plain or in gzip. Out: a slab source (which reads slice
 //! by slice) over one volume of the file. World axes are R, A, S, like the crate's. The affine transform is the `sform`
-//! if its code is set and it can be inverted, else the `qform` if its code is set, else the spacing alone. The intent code
-//! says whether values are labels.
+//! if its code is set, else the `qform` if its code is set, else the spacing alone. A `sform` that cannot be inverted is
+//! refused. The intent code says whether values are labels.
 //!
 //! Source: nifti1.h and nifti2.h of the NIfTI Data Format Working Group (nifti.nimh.nih.gov).
 
@@ -14,7 +14,7 @@ use flate2::read::MultiGzDecoder;
 
 use super::adjusted::AdjustedSource;
 use super::files::{is_file, open_regular};
-use super::frame::{FileFrame, World, cross, dot};
+use super::frame::{FileFrame, IDENTITY, World, cross, dot, length};
 use super::open::{OpenOptions, file_name};
 use super::raw::type_names;
 use super::slab::{Endian, SampleFiles, SlabReader, Tail};
@@ -127,16 +127,21 @@ impl NiftiFields {
         let Some((version, endian)) = version_of(bytes) else {
             return Err(Error::format(path, 0, "NIfTI sizeof_hdr", "348 or 540 in either byte order", shown(bytes, 4)));
         };
-        let (len, magic_at) = if version == 1 { (HEADER_1, 344) } else { (HEADER_2, 4) };
+        let (len, magic_at) = if version == 1 { (HEADER_1, 344) } else { (HEADER_2, 4u64) };
         if bytes.len() < len {
             let got = format!("{} bytes", bytes.len());
             return Err(Error::format(path, 0, "NIfTI header", format!("{len} bytes"), got));
         }
-        let magic = &bytes[magic_at..magic_at + 4];
+        // Version 2 has four more bytes, which a transfer as text would change.
+        let (magic, ending): (_, &[u8]) = match version {
+            1 => (&bytes[344..348], b"\0"),
+            _ => (&bytes[4..12], b"\0\r\n\x1a\n"),
+        };
         let single = magic[1] == b'+';
-        if magic[0] != b'n' || !matches!(magic[1], b'+' | b'i') || magic[2] != b'0' + version || magic[3] != 0 {
-            let expected = format!("\"n+{version}\" or \"ni{version}\" (ANALYZE 7.5 files are not supported)");
-            return Err(Error::format(path, magic_at as u64, "NIfTI magic", expected, shown(magic, 4)));
+        if magic[0] != b'n' || !matches!(magic[1], b'+' | b'i') || magic[2] != b'0' + version || magic[3..] != *ending {
+            let [single, pair] = ["n+", "ni"].map(|start| format!("\"{start}{version}{}\"", ending.escape_ascii()));
+            let expected = format!("{single} or {pair} (ANALYZE 7.5 files are not supported)");
+            return Err(Error::format(path, magic_at, "NIfTI magic", expected, shown(magic, 8)));
         }
         let f = HeaderBytes { bytes, endian };
         // Each field has an offset in version 1 and another one in version 2, where its type is wider.
@@ -251,16 +256,15 @@ impl NiftiFields {
 
     fn frame(&self) -> FileFrame {
         let column = |c: usize| [self.srow[0][c], self.srow[1][c], self.srow[2][c]];
-        let steps = [column(0), column(1), column(2)];
-        let mut frame = if self.sform_code > 0 && is_invertible(steps) {
-            FileFrame::from_steps(steps, column(3), World::RightHanded)
+        let used = usize::try_from(self.dim[0]).unwrap_or(3);
+        let mut frame = if self.sform_code > 0 {
+            FileFrame::from_steps(steps([column(0), column(1), column(2)], used), column(3), World::RightHanded)
         } else if self.qform_code > 0 {
             let spacing = [self.pixdim[1], self.pixdim[2], self.pixdim[3]];
             FileFrame { direction: self.rotation(), origin: self.qoffset, ..FileFrame::upright(spacing) }
         } else {
             FileFrame::upright([self.pixdim[1], self.pixdim[2], self.pixdim[3]])
         };
-        let used = usize::try_from(self.dim[0]).unwrap_or(3);
         for axis in used..3 {
             // An axis that the file lacks may have any direction, but needs a spacing above 0.
             if !(frame.spacing[axis].is_finite() && frame.spacing[axis] > 0.0) {
@@ -297,9 +301,21 @@ impl NiftiFields {
     }
 }
 
-fn is_invertible([x, y, z]: [[f64; 3]; 3]) -> bool {
-    let determinant = dot(x, cross(y, z));
-    determinant.is_finite() && determinant != 0.0
+/// Returns the vectors between points of a file with `used` axes. If the vectors of the axes that it lacks cannot be used,
+/// others at right angles take their place.
+fn steps([x, y, z]: [[f64; 3]; 3], used: usize) -> [[f64; 3]; 3] {
+    let volume = dot(x, cross(y, z));
+    if used > 2 || volume.is_finite() && volume != 0.0 {
+        return [x, y, z];
+    }
+    let y = if used == 2 { y } else { normal(x, IDENTITY[if x[0].abs() < 0.5 * length(x) { 0 } else { 1 }]) };
+    [x, y, normal(x, y)]
+}
+
+/// Returns the vector of length 1 at right angles to `a` and `b`.
+fn normal(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    let normal = cross(a, b);
+    normal.map(|c| c / length(normal))
 }
 
 /// Reads numbers of either byte order from a header. All offsets are constants below the length that was checked

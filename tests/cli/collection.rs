@@ -138,6 +138,21 @@ fn what_cannot_be_read_does_not_keep_verify_from_the_other_files() {
 }
 
 #[test]
+fn a_manifest_whose_description_no_file_may_have_is_refused() {
+    let folder = Folder::new();
+    split(&folder);
+    let manifest = String::from_utf8(bytes(&folder, "a.adjs/collection.json")).expect("text");
+    let (before, _) = manifest.split_once("\"description\": ").expect("it is the last member");
+    for description in ["[1, 2]", "5", "null", "\"x\"", "{\"a\": 1e999}"] {
+        folder.write("a.adjs/collection.json", format!("{before}\"description\": {description}}}").as_bytes());
+        for line in ["join a.adjs -o b.adj", "verify a.adjs", "info a.adjs"] {
+            folder.adj(line).refused(&["collection.json", "description", "expected a JSON object"]);
+        }
+        assert!(!folder.file("b.adj").exists(), "{description}");
+    }
+}
+
+#[test]
 fn what_is_no_collection_is_refused_and_nothing_is_replaced() {
     let folder = Folder::new();
     split(&folder);
@@ -225,11 +240,25 @@ fn a_step_with_wrong_input_is_refused_and_writes_nothing() {
     folder
         .adj(&format!("brick scan plan.json 1 {volume} -o plan.json"))
         .refused(&["--output", "which this call reads or writes"]);
-    folder.adj(&format!("brick scan found-0.json 1 {volume} -o f.json")).refused(&["found-0.json", "missing field"]);
+    folder.adj(&format!("brick scan found-0.json 1 {volume} -o f.json")).refused(&[
+        "found-0.json",
+        "is the result of a scan, not a plan",
+        "adj brick plan makes",
+    ]);
+    folder.write("other.json", b"{\"grid\": 1}");
+    folder.adj(&format!("brick scan other.json 1 {volume} -o f.json")).refused(&[
+        "other.json",
+        "is no plan",
+        "adj brick plan",
+    ]);
     folder.adj(&format!("brick build plan.json 1 {volume} -o a.adjs")).refused(&["not agreed yet"]);
     folder.adj("brick agree plan.json found-0.json -o f.json").refused(&["scan brick 1 too"]);
     folder.adj("brick agree plan.json found-0.json found-0.json -o f.json").refused(&["are there twice"]);
-    folder.adj("brick agree plan.json plan.json -o f.json").refused(&["plan.json", "missing field"]);
+    folder.adj("brick agree plan.json plan.json -o f.json").refused(&[
+        "plan.json",
+        "adj brick scan makes",
+        "missing field",
+    ]);
     folder.adj("brick finish plan.json a.adjs").refused(&["not agreed yet"]);
     folder.adj(&format!("brick scan plan.json 1 {volume} -o found-1.json")).done();
     folder.adj("brick agree plan.json found-0.json found-1.json -o agreed.json").done();
@@ -242,7 +271,7 @@ fn a_step_with_wrong_input_is_refused_and_writes_nothing() {
         .refused(&["cannot create the folder plan.json"]);
     folder.adj("brick plan no.nrrd --range 3.. --slab 4 -o p.json").refused(&["no.nrrd"]);
     let names = folder.names();
-    assert_eq!(names, ["agreed.json", "found-0.json", "found-1.json", "plan.json"]);
+    assert_eq!(names, ["agreed.json", "found-0.json", "found-1.json", "other.json", "plan.json"]);
     folder.adj(&format!("brick build agreed.json 1 {volume} -o a.adjs")).done();
     folder.adj("brick finish agreed.json a.adjs").refused(&["visible voxels are there", "have any of: 0"]);
     folder.adj(&format!("brick build agreed.json 0 {volume} -o a.adjs")).done();

@@ -267,6 +267,8 @@ fn studies_refuse_what_they_cannot_do() {
         ("study levels small.adj --repetitions 0", ["--repetitions", "1"]),
         ("study levels small.adj --zoom --quick", ["--zoom", "--quick"]),
         ("study accuracy small.adj", ["small.adj", "samples"]),
+        ("study accuracy missing.nii", ["missing.nii", "cannot open"]),
+        ("study accuracy phantom:shells --repetitions 0 --plot q.svg", ["--repetitions 0", "--plot"]),
         ("study accuracy note.txt", ["what is visible", "--range"]),
         ("study accuracy --all", ["--data <FOLDER>", "required"]),
         ("study accuracy --popping --model", ["--popping", "--model"]),

@@ -69,6 +69,12 @@ fn wrong_flags_are_one_line_that_names_the_help() {
     refused("build x.nii --order random -o a.adj", &["morton, hilbert, rows"]);
     refused("build x.nii --value-bits 12 -o a.adj", &["'12'", "8, 16"]);
     refused("build x.nii --skip -1 -o a.adj", &["-1"]);
+    refused("render x.nii -o a.png --crop -1..3,..,..", &["--crop", "0..127,0..63,10..20"]);
+    refused("trim x.adj -o a.adj --crop -1..3,..,..", &["--crop", "0..127,0..63,10..20"]);
+    for flag in ["--kernel", "--termination", "--size", "--frames"] {
+        let said = refused(&format!("render x.nii -o a.png {flag} -1"), &["'-1'", flag]);
+        assert!(!said.contains("-- -1"), "{said}");
+    }
     refused("build x.nii --iso abc -o a.adj", &["--iso", "abc"]);
     refused("trim x.adj y.adj -o z.adj", &["y.adj", "see adj trim --help"]);
     refused("biuld x.nii", &["biuld", "build", "see adj --help"]);
@@ -77,6 +83,21 @@ fn wrong_flags_are_one_line_that_names_the_help() {
     refused("info", &["<FILE>", "see adj info --help"]);
     refused("completions tcsh", &["tcsh", "bash", "zsh", "fish"]);
     refused("build x.nii --dims 1x1x1 --type u8 --endian middle -o a.adj", &["middle", "le, be"]);
+}
+
+#[test]
+fn byte_orders_that_contradict_are_refused() {
+    let folder = Folder::new();
+    folder.write("r.raw", &[1, 0, 2, 0]);
+    let raw = |ty: &str, order: &str| {
+        folder.adj(&format!("raw r.raw --dims 2x1x1 --type {ty} --endian {order} -o o.raw --json --quiet"))
+    };
+    raw("i16be", "le").refused(&["--type i16be: says be, but --endian says le"]);
+    raw("i16le", "be").refused(&["--type i16le: says le, but --endian says be"]);
+    for (ty, order, first) in [("i16", "be", 0), ("i16be", "be", 0), ("i16", "le", 1), ("I16LE", "le", 1)] {
+        raw(ty, order).done();
+        assert_eq!(std::fs::read(folder.file("o.raw")).expect("written")[0], first, "{ty} {order}");
+    }
 }
 
 #[test]

@@ -258,6 +258,40 @@ fn compressed_streams_of_the_wrong_length_or_damaged_are_refused() {
 }
 
 #[test]
+fn meta_image_headers_that_contradict_their_data_are_refused() {
+    let folder = Folder::new();
+    let data = known(SampleType::U8);
+    let packed = zlib(data.bytes());
+    let sized = |size: usize| format!("{MHA}CompressedData = True\nCompressedDataSize = {size}\nElementDataFile = ");
+    folder.write("body.zraw", &[&packed]);
+    for (name, tail, body) in [("a.mha", "LOCAL\n", &packed[..]), ("a.mhd", "body.zraw\n", &[])] {
+        let path = folder.write(name, &[sized(packed.len()).as_bytes(), tail.as_bytes(), body]);
+        expect_known(&path, SampleType::U8);
+        let path = folder.write(name, &[sized(packed.len() + 1).as_bytes(), tail.as_bytes(), body]);
+        let (expected, got) = (packed.len() + 1, packed.len());
+        let parts = [&format!("expected {expected} compressed bytes"), &format!("got {got} in "), "CompressedDataSize"];
+        refused(&path, &parts);
+    }
+    for kind in ["Tube", "Scene"] {
+        let path = folder.write("a.mha", &[format!("ObjectType = {kind}\n{MHA}ElementDataFile = LOCAL\n").as_bytes()]);
+        refused(&path, &["MetaImage ObjectType", "expected Image", kind]);
+    }
+    // Of samples that do not shrink, the gzip file is longer than they are.
+    folder.write("d.raw.gz", &[&gzip(data.bytes())]);
+    for line in ["", "CompressedData = False\n"] {
+        let head = format!("{MHA}{line}ElementDataFile = d.raw.gz\n");
+        let parts = ["MetaImage CompressedData", "expected True", "d.raw.gz is a gzip file"];
+        refused(&folder.write("a.mhd", &[head.as_bytes()]), &parts);
+    }
+    let head = format!("{MHA}CompressedData = True\nElementDataFile = d.raw.gz\n");
+    expect_known(&folder.write("a.mhd", &[head.as_bytes()]), SampleType::U8);
+    // The name alone does not make a gzip file.
+    folder.write("d.raw.gz", &[data.bytes()]);
+    let head = format!("{MHA}ElementDataFile = d.raw.gz\n");
+    expect_known(&folder.write("a.mhd", &[head.as_bytes()]), SampleType::U8);
+}
+
+#[test]
 fn members_of_file_lists_must_all_be_there() {
     let folder = Folder::new();
     folder.write("s1", &[&[0; 12]]);

@@ -212,13 +212,62 @@ fn scaling_units_and_transforms_are_taken() {
         let y = read(&nifti).grid.direction[1];
         let want = [0.0, 0.36 - 0.64, 0.96];
         assert!((0..3).all(|c| (y[c] - want[c]).abs() < 1e-6), "{y:?}");
-        // A transform that cannot be inverted is passed over, one that can has the word.
-        nifti.sform(1, [[0.0; 4]; 3]);
+        // A transform of code 0 is passed over, any other has the word.
+        nifti.sform(0, [[0.0; 4]; 3]);
         assert_eq!(read(&nifti).grid.spacing, [2.0, 3.0, 0.5]);
         nifti.sform(1, [[0.0, 4.0, 0.0, 10.0], [5.0, 0.0, 0.0, 20.0], [0.0, 0.0, -6.0, 30.0]]);
         let grid = read(&nifti).grid;
         assert_eq!((grid.spacing, grid.origin), ([5.0, 4.0, 6.0], [10.0, 20.0, 30.0]));
         assert_eq!(grid.direction, [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]);
+    }
+}
+
+#[test]
+fn a_singular_or_infinite_transform_is_refused() {
+    let folder = Folder::new();
+    let (spacing, directions) = ("three spacings above 0", "three independent directions");
+    let row = [1.0, 0.0, 0.0, 0.0];
+    for version in [1, 2] {
+        for (rows, part) in [
+            ([[0.0; 4]; 3], spacing),
+            ([row, [0.0, f64::NAN, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]], spacing),
+            ([row, [0.0, 1.0, f64::INFINITY, 0.0], [0.0, 0.0, 1.0, 0.0]], spacing),
+            ([row, [0.0, 1.0, 1.0, 0.0], [0.0, 1.0, 1.0, 0.0]], directions),
+            ([[1.0, 0.0, 0.0, f64::NAN], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]], directions),
+        ] {
+            let mut nifti = Nifti::new(version, Endian::Little, SampleType::U8);
+            nifti.quatern(1, [0.0, 0.0, 1.0], [0.0; 3]);
+            nifti.sform(1, rows);
+            let path = folder.write("a.nii", &[nifti.bytes(), known(SampleType::U8).bytes()]);
+            expect_refused(&path, &OpenOptions::new(), &["NIfTI grid", part]);
+        }
+    }
+}
+
+#[test]
+fn the_axes_that_a_file_lacks_need_no_direction() {
+    let folder = Folder::new();
+    let mut nifti = Nifti::new(1, Endian::Little, SampleType::U8);
+    nifti.sform(1, [[0.0, 2.0, 0.0, 7.0], [3.0, 0.0, 0.0, 0.0], [0.0; 4]]);
+    for (used, want) in [
+        (2, [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
+        (1, [[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]]),
+    ] {
+        nifti.dim(0, used);
+        let path = folder.write("a.nii", &[nifti.bytes(), known(SampleType::U8).bytes()]);
+        let grid = open(&path, &OpenOptions::new()).unwrap_or_else(|error| panic!("{error}")).header().grid.clone();
+        assert_eq!((grid.direction, grid.origin), (want, [7.0, 0.0, 0.0]));
+    }
+}
+
+#[test]
+fn a_magic_that_was_transferred_as_text_is_refused() {
+    let folder = Folder::new();
+    for magic in [b"n+2\0\n\x1a\n\0", b"n+2\0\0\0\0\0", b"n-2\0\r\n\x1a\n"] {
+        let mut nifti = Nifti::new(2, Endian::Little, SampleType::U8);
+        nifti.bytes[4..12].copy_from_slice(magic);
+        let path = folder.write("a.nii", &[nifti.bytes(), known(SampleType::U8).bytes()]);
+        expect_refused(&path, &OpenOptions::new(), &["NIfTI magic", "n+2\\x00\\r\\n\\x1a\\n"]);
     }
 }
 

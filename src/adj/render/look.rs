@@ -31,11 +31,11 @@ pub(super) struct LookArguments {
     sharpness: Option<f32>,
     /// Gaussian of a splat, in voxels: standard deviation (0.2 to 4) and radius (1 to 6 times that), such as 0.6,2;
     /// by default that of --quality and --sharpness
-    #[arg(long, value_name = "SIGMA,RADIUS", value_parser = kernel)]
+    #[arg(long, value_name = "SIGMA,RADIUS", allow_hyphen_values = true, value_parser = kernel)]
     kernel: Option<KernelShape>,
     /// End a ray when at most this share of its light is left, 0 to 1, which is also the most that a pixel's opacity loses;
     /// by default that of --quality
-    #[arg(long, value_name = "T", value_parser = number(0.0..=1.0f32))]
+    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = number(0.0..=1.0f32))]
     pub(super) termination: Option<f32>,
     /// What a pixel shows of its ray
     #[arg(long, value_name = "MODE", default_value = "composite", value_parser = choice(MODES))]

@@ -17,7 +17,7 @@ const CAMERA_BYTES: u64 = 1 << 20;
 #[command(next_help_heading = "View")]
 pub(super) struct ViewArguments {
     /// Columns and rows of the picture, 1 to 16384 each
-    #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = picture_size)]
+    #[arg(long, value_name = "WxH", default_value = "800x800", allow_hyphen_values = true, value_parser = picture_size)]
     pub(super) size: [u32; 2],
     /// Degrees around the vertical: 0 looks from the front (at a face), 90 from the right of the picture
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_hyphen_values = true)]
@@ -38,10 +38,10 @@ pub(super) struct ViewArguments {
     #[arg(long, value_name = "JSON|FILE", conflicts_with_all = ["azimuth", "elevation", "up", "zoom", "perspective"])]
     pub(super) camera: Option<String>,
     /// Frames of a full turn around the vertical, 1 to 100000: numbered files, or one .apng
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = number(1..=100_000u32))]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_hyphen_values = true, value_parser = number(1..=100_000u32))]
     pub(super) frames: u32,
     /// Draw only voxels in this box of indices, ends included: 0..127,..63,10..
-    #[arg(long, value_name = "X,Y,Z", value_parser = crop)]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = crop)]
     pub(super) crop: Option<Crop>,
     /// Draw only voxels in front of a plane: a point of it, and the direction to the side that is drawn, both in world
     /// coordinates (`adj info` shows the origin and the spacing): 0,0,40,0,0,1

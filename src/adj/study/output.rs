@@ -30,6 +30,11 @@ pub(super) struct OutputArguments {
 }
 
 impl OutputArguments {
+    /// Returns whether a plot is to be drawn.
+    pub(super) fn has_plot(&self) -> bool {
+        !self.plot.is_empty()
+    }
+
     /// Checks, before long work, that these files and `more` can be written, and that each is a file of its own and no input.
     pub(super) fn check<'a>(&'a self, inputs: &'a [PathBuf], more: &[(&str, &'a [PathBuf])]) -> Result<()> {
         let own = [("--json", self.json.as_slice()), ("--csv", self.csv.as_slice()), ("--plot", &self.plot)];

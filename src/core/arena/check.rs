@@ -182,7 +182,7 @@ fn check_limits(at: u64, limits: &[LevelLimits]) -> Result<(), FormatFault> {
 }
 
 /// Checks that the description is a JSON object, not too long, whose numbers and strings can be read. R22.
-fn check_description(at: u64, content: &[u8]) -> Result<(), FormatFault> {
+pub(crate) fn check_description(at: u64, content: &[u8]) -> Result<(), FormatFault> {
     let expected = "a JSON object in UTF-8, at most 127 levels deep";
     if content.len() as u64 > MAX_DESCRIPTION_BYTES {
         return Err(fault(at, "R22", format!("at most {MAX_DESCRIPTION_BYTES} bytes"), content.len()));

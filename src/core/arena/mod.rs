@@ -27,6 +27,7 @@ pub(crate) mod transpose;
 mod trim;
 pub(crate) mod visible;
 
+pub(crate) use check::check_description;
 pub use check::{Checked, CheckedLane};
 pub use codes::CodeCounts;
 pub use coverage::Coverage;

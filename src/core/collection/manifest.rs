@@ -9,6 +9,7 @@ use serde_json::value::RawValue;
 
 use super::levels::{Level, allowed, levels_of};
 use super::{Partition, PreviewEntry};
+use crate::arena::check_description;
 use crate::arena::layout::{Channels, Facts, Scales};
 use crate::arena::{Region, TileOrder};
 use crate::error::{Error, Result};
@@ -167,6 +168,10 @@ impl Manifest {
             self.description.get().len() as u64,
             limits.description_bytes,
         )?;
+        if let Err(fault) = check_description(0, self.description.get().as_bytes()) {
+            let (expected, got) = (fault.expected, fault.got);
+            return wrong(format!("has a description that no .adj file may have: expected {expected}, got {got}"));
+        }
         let Channels { value_bits, normal_bits, magnitude_bits, coverage_bits, .. } = self.channels;
         let is_known = [8, 16].contains(&value_bits)
             && [0, 8, 16].contains(&normal_bits)

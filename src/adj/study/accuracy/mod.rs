@@ -113,6 +113,7 @@ fn volume(sets: &SetArguments, wanted: &SetChoice, visible: &ClassificationArgum
     match sets.read(wanted)? {
         SetInput::Volume(volume) => Ok(volume),
         SetInput::File(path) => {
+            std::fs::metadata(&path).map_err(Error::io("open", &path))?;
             if path.is_file() && starts_as_adj(&path)? {
                 let why =
                     "is an .adj file, which has no samples to judge pictures by; give the volume it was built from";

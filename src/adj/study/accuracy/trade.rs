@@ -4,7 +4,7 @@ use super::super::super::resources::processors;
 use super::super::super::{Answer, print_result};
 use super::super::table_of;
 use super::{Arguments, bounds};
-use adjsplat::error::Result;
+use adjsplat::error::{Error, Result};
 use adjsplat::splat::Quality;
 use adjsplat_study::accuracy::{
     Candidate, Effort, Family, JudgedView, Outcome, candidates, mark_front, measure, views,
@@ -32,6 +32,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut all = candidates(quick);
     all.retain(|candidate| families.is_empty() || families.contains(&candidate.family));
     let repetitions = arguments.repetitions.unwrap_or(if quick { 1 } else { 5 });
+    if repetitions == 0 && arguments.output.has_plot() {
+        let why = "measures no times, which the plot shows; leave out --plot, or give 1 or more";
+        return Err(Error::input("--repetitions 0", why));
+    }
     let effort = Effort { repetitions, threads: processors() };
     let mut found: Vec<SetOutcomes> = Vec::new();
     arguments.each_judged(&arguments.sets, true, |set, go_on| {
