@@ -11,9 +11,8 @@ use crate::splat::view::{PixelMap, View};
 use crate::splat::{Blending, Mode, Sampling, Settings};
 use crate::traverse::{Order, Sense, VoxelBox};
 
-/// The most pixels of a plane per sample of the other way at which the plane is faster, in a parallel view and in a perspective.
-/// Measured: docs/studies/sampling.md.
-const MOST_PER_SAMPLE: [f64; 2] = [4.0, 3.0];
+/// The most pixels of a plane per sample of the other way at which the plane is faster. Measured: docs/studies/sampling.md.
+const MOST_PER_SAMPLE: f64 = 4.0;
 /// The most pixels of a plane per pixel of the picture, unless few are kept for the warp.
 const MOST_PER_PIXEL: f64 = 6.5;
 /// The most kept pixels that are few: they take 36 to 68 MiB.
@@ -117,9 +116,8 @@ impl Lattice {
     pub(in super::super) fn is_worthwhile(&self, samples: f64) -> bool {
         let pixels = |[columns, rows]: [u32; 2]| f64::from(columns) * f64::from(rows);
         let plane = pixels(self.size);
-        let most_per_sample = MOST_PER_SAMPLE[usize::from(!self.is_parallel())];
         let is_too_large = pixels(self.kept()) > FEW_PIXELS && plane > MOST_PER_PIXEL * pixels(self.picture);
         // Pixels are averaged where voxels are smaller than those of the picture: the other way has many samples there, or too few.
-        !is_too_large && (self.low_pass.halvings != [0; 2] || plane <= most_per_sample * samples)
+        !is_too_large && (self.low_pass.halvings != [0; 2] || plane <= MOST_PER_SAMPLE * samples)
     }
 }

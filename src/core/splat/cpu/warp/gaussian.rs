@@ -9,7 +9,7 @@ use fearless_simd::prelude::*;
 
 use super::plane::{Plane, PlanePoints, TOGETHER};
 use super::spline::{GAIN, in_range};
-use crate::splat::arith::{at_least, at_most, near_exp2_neg};
+use crate::splat::arith::{at_least, at_most, exp2_neg};
 
 /// The Gaussian of a low-pass.
 #[derive(Debug, Clone, Copy)]
@@ -83,15 +83,23 @@ impl Gaussian {
     #[inline(always)]
     fn mean<const TAPS: usize>(&self, fractions: [f32; 2], values: &[[f32; 4]], pitch: usize) -> [f32; 4] {
         let [across, both, down] = self.factors;
+        // How many rows follow from the one before: from a row whose weights are all rounded to 0, none of weight is reached.
+        let run = 64 / TAPS;
+        let first = |fraction: f32| -((TAPS / 2 - 1) as f32) - fraction;
+        let power = |x: f32| exp2_neg(at_most(at_least(x, -120.0), 120.0));
+        let fall = power(2.0 * down);
+        let (mut weights, mut ratios) = ([0.0f32; TAPS], [0.0f32; TAPS]);
         let mut sums = [0.0f32; 16];
         let mut total = [0.0f32; TAPS];
         for (row, values) in values.chunks(pitch).take(TAPS).enumerate() {
             let Some(values): Option<&[[f32; 4]; TAPS]> = values.first_chunk() else { break };
-            let y = row as f32 - (TAPS / 2 - 1) as f32 - fractions[1];
-            let mut weights = [0.0f32; TAPS];
-            for (column, weight) in weights.iter_mut().enumerate() {
-                let x = column as f32 - (TAPS / 2 - 1) as f32 - fractions[0];
-                *weight = near_exp2_neg(at_most(at_least((across * x + both * y) * x + down * (y * y), 0.0), 120.0));
+            if row.is_multiple_of(run) {
+                let y = row as f32 + first(fractions[1]);
+                for column in 0..TAPS {
+                    let x = column as f32 + first(fractions[0]);
+                    weights[column] = power((across * x + both * y) * x + down * (y * y));
+                    ratios[column] = power(both * x + down * (2.0 * y + 1.0));
+                }
             }
             for (total, weight) in total.iter_mut().zip(weights) {
                 *total += weight;
@@ -102,6 +110,10 @@ impl Gaussian {
                         sums[4 * k + c] += weights[k] * values[k][c];
                     }
                 }
+            }
+            for column in 0..TAPS {
+                weights[column] *= ratios[column];
+                ratios[column] *= fall;
             }
         }
         let total = GAIN * GAIN / total.iter().sum::<f32>();
