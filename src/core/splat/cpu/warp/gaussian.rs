@@ -83,7 +83,8 @@ impl Gaussian {
     #[inline(always)]
     fn mean<const TAPS: usize>(&self, fractions: [f32; 2], values: &[[f32; 4]], pitch: usize) -> [f32; 4] {
         let [across, both, down] = self.factors;
-        // How many rows follow from the one before: from a row whose weights are all rounded to 0, none of weight is reached.
+        // Every so many rows have weights of their own. The others follow from the row before, as the ratios of neighbours do; along
+        // more of them, a weight that is rounded to 0 in the first row would be missing in the last.
         let run = 64 / TAPS;
         let first = |fraction: f32| -((TAPS / 2 - 1) as f32) - fraction;
         let power = |x: f32| exp2_neg(at_most(at_least(x, -120.0), 120.0));
@@ -118,5 +119,47 @@ impl Gaussian {
         }
         let total = GAIN * GAIN / total.iter().sum::<f32>();
         [0, 1, 2, 3].map(|c: usize| total * ((sums[c] + sums[4 + c]) + (sums[8 + c] + sums[12 + c])))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The mean of `taps` by `taps` values, with each weight computed by itself.
+    fn plain_mean(taps: usize, [xx, xy, yy]: [f64; 3], fractions: [f32; 2], values: &[[f32; 4]], pitch: usize) -> f64 {
+        let (mut sum, mut total) = (0.0, 0.0);
+        for row in 0..taps {
+            for column in 0..taps {
+                let at = |index: usize, fraction: f32| index as f64 - (taps / 2 - 1) as f64 - f64::from(fraction);
+                let (x, y) = (at(column, fractions[0]), at(row, fractions[1]));
+                let weight = (-0.5 * (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)).exp();
+                sum += weight * f64::from(values[row * pitch + column][2]);
+                total += weight;
+            }
+        }
+        sum / total
+    }
+
+    #[test]
+    fn weights_that_follow_from_those_of_the_row_before_are_the_gaussians() {
+        const PITCH: usize = 19;
+        let value = |i: usize| (i * 7919 % 1009) as f32 / 1009.0;
+        let values: Vec<[f32; 4]> = (0..PITCH * 16).map(|i| [0.0, 1.0, value(i), 0.5]).collect();
+        // Narrow, long and thin, slanted both ways, and as wide as they come.
+        let narrow = [[0.25, 0.0, 0.25], [0.3, 0.0, 4.3], [4.2, 3.9, 4.2], [2.3, -1.4, 1.2]];
+        let wide = [[16.0, -15.7, 16.0], [0.34, 0.2, 15.0], [16.3, 0.0, 0.34], [9.0, 2.0, 7.0]];
+        for fractions in [[0.0, 0.0], [0.99, 0.02], [0.4, 0.6], [0.02, 0.99]] {
+            for covariance in narrow {
+                let mean = Gaussian::new(covariance).mean::<8>(fractions, &values, PITCH);
+                let plain = plain_mean(8, covariance, fractions, &values, PITCH) * f64::from(GAIN * GAIN);
+                assert!((f64::from(mean[2]) - plain).abs() < 1e-5, "{covariance:?} {fractions:?}: {mean:?}, {plain}");
+            }
+            for covariance in wide {
+                let mean = Gaussian::new(covariance).mean::<16>(fractions, &values, PITCH);
+                let plain = plain_mean(16, covariance, fractions, &values, PITCH) * f64::from(GAIN * GAIN);
+                assert!((f64::from(mean[2]) - plain).abs() < 1e-5, "{covariance:?} {fractions:?}: {mean:?}, {plain}");
+            }
+        }
     }
 }
