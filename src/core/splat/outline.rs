@@ -83,6 +83,7 @@ impl<'a> Outline<'a> {
         };
         let high = [0, 1, 2].map(|a: usize| most(&|part| f64::from(part.high[a])));
         let low = [0, 1, 2].map(|a: usize| -most(&|part| -f64::from(part.low[a])));
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index of a box")]
         let place = |at: f64| at as u16;
         high[0].is_finite().then(|| VoxelBox { low: low.map(place), high: high.map(place) })
     }
