@@ -76,7 +76,7 @@ pub(super) struct Arguments {
     /// parts 1 to N together
     #[arg(long, value_name = "K/N", requires = "bricks", value_parser = part)]
     part: Option<[usize; 2]>,
-    /// Draw the preview of a collection: the whole with fewer voxels, of whose grid --crop then takes points
+    /// Draw the preview of a collection: the whole with fewer voxels. --crop then counts the preview's points
     #[arg(long, conflicts_with_all = ["bricks", "partial"])]
     preview: bool,
     /// Draw a collection without the bricks that are missing or damaged, and name them

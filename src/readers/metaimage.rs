@@ -2,7 +2,7 @@
 //!
 //! In: `Key = value` lines up to `ElementDataFile`. Out: a slab source (which reads slice by slice). World vectors are
 //! L, P, S as in ITK and are converted to R, A, S. `AnatomicalOrientation` gives the directions only if there is no
-//! matrix. A compressed stream marks its own end, so `CompressedDataSize` only shows whether a file was cut short.
+//! matrix. `CompressedDataSize` is ignored: some writers store wrong values, and a compressed stream marks its own end.
 //!
 //! Source: the MetaIO documentation (itk.org/Wiki/ITK/MetaIO/Documentation).
 
@@ -10,7 +10,7 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use super::file_list::{FilePattern, check_count, data_file, listed_files};
-use super::files::{length, open_regular};
+use super::files::open_regular;
 use super::frame::{FileFrame, IDENTITY, World};
 use super::lines::{HeaderLine, HeaderLines, clip};
 use super::open::{OpenOptions, plain_header};
@@ -51,7 +51,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let grid = fields.frame(path)?.grid(path, "MetaImage grid", dims, options.spacing)?;
     let (files, local) = fields.files(path, &mut lines, options)?;
     let start = fields.start(path, if local { lines.position() } else { 0 })?;
-    fields.check_packing(path, codec, &files, start)?;
+    fields.check_packing(path, codec, &files)?;
     SlabReader::open(SampleFiles {
         header: plain_header(grid, sample_type, path, "MetaImage"),
         codec,
@@ -179,9 +179,8 @@ impl MetaImageFields {
         }
     }
 
-    /// Checks the first of `files`, whose samples start at `start`: it must not be shorter than `CompressedDataSize`
-    /// says, and not be a gzip file that the header does not call compressed.
-    fn check_packing(&self, path: &Path, codec: Codec, files: &[PathBuf], start: SampleStart) -> Result<()> {
+    /// Checks that the first of `files` is no gzip file that the header does not call compressed.
+    fn check_packing(&self, path: &Path, codec: Codec, files: &[PathBuf]) -> Result<()> {
         let Some(file) = files.first() else { return Ok(()) };
         if codec == Codec::Raw && file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gz")) {
             let mut magic = Vec::new();
@@ -193,16 +192,6 @@ impl MetaImageFields {
                 let expected = format!("True, as {} is a gzip file (correct the header)", file.display());
                 return Err(Error::format(path, at, "MetaImage CompressedData", expected, got));
             }
-        }
-        // Old writers store the size as a rounded number with an exponent.
-        let stated = self.get(&["CompressedDataSize"]).and_then(|(value, at)| Some((value.parse::<u64>().ok()?, at)));
-        if let (Codec::Deflate, [_], SampleStart::At(first), Some((need, at))) = (codec, files, start, stated)
-            && let Some(len) = length(file, "open data file")?
-            && len.saturating_sub(first) < need
-        {
-            let (expected, have) = (format!("{need} compressed bytes"), len.saturating_sub(first));
-            let got = format!("{have} in {} (copy or download the file again)", file.display());
-            return Err(Error::format(path, at, "MetaImage CompressedDataSize", expected, got));
         }
         Ok(())
     }
