@@ -146,7 +146,7 @@ fn place_and_shade(projector: &Projector, block: &mut Block, splats: &mut Splats
         let j = usize::from(splats.kept[k]) % BLOCK;
         splats.looks[k] = block.looks[j];
     }
-    splats.apply_strengths();
+    splats.apply_strengths(projector.is_perspective());
     if let Some(lights) = &projector.lights {
         let mut normals = [[0.0f32; BLOCK]; 3];
         if block.coded {
@@ -188,13 +188,14 @@ pub(crate) fn splat(
     let projector = Projector::new(&setup, &table, settings.termination());
     let [columns, rows] = settings.size.map(u32::cast_signed);
     let rect = Rect { x0: 0, y0: 0, x1: columns, y1: rows };
+    let tiles = TileBuffer::new(rect, FrontToBack::INITIAL_ALPHA)?.with_rays(projector.is_perspective())?;
     let mut splatter = Splatter {
         looks,
         slow_medium_fast: projector.slow_medium_fast,
         projectors: vec![projector],
         drawing,
         splats: Splats::new(),
-        tiles: TileBuffer::new(rect, FrontToBack::INITIAL_ALPHA)?,
+        tiles,
         level: 0,
         voxels: VoxelBlock::new(),
         block: Block {

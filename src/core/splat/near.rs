@@ -1,13 +1,17 @@
-//! Voxels near the eye: their kernels are integrated along each pixel's ray, from the eye on.
+//! The rays of a perspective's pixels, and voxels near the eye, whose kernels are integrated along them from the eye on.
 //!
-//! In: a perspective view, a kernel, a voxel. Out: the voxel's optical depth at each pixel. An affine footprint treats
-//! the rays near a voxel as parallel, and is whole even where it reaches behind the eye. Near the eye both are wrong. So voxels whose distance to the eye's plane is below [`NEAR`] are drawn exactly. In voxel coordinates, where
-//! the kernel is a round Gaussian:
+//! In: a perspective view, a kernel, a voxel. Out: the voxel's optical depth at each pixel. In voxel coordinates, where the kernel is a
+//! round Gaussian:
 //!
 //! ```text
 //! r = voxel - eye, u = unit direction of the ray     distance^2 = |r x u|^2     t = r . u
 //! depth = voxel's depth * strength(ray) * exp(-distance^2 / 2 sigma^2) * Phi(t / sigma)       for distance <= radius
 //! ```
+//!
+//! Let D be the direction of a pixel's ray one unit forward, and d that of the ray through the voxel, which is `r` but for its length.
+//! D changes evenly from pixel to pixel, so `|r x D|^2` is a quadratic form of the distance between the pixels. Divided by `|d|^2`, it is
+//! the affine footprint of EWA; divided by `|D|^2`, the square of the distance. So a voxel farther away is drawn by its footprint and by
+//! the lengths of the pixels' directions ([`Footprint::on_rays`](super::kernel::Footprint::on_rays)), and that is exact.
 //!
 //! Phi, the normal distribution, is the part of the kernel in front of the eye; where the eye is outside the kernel's
 //! radius, it is 0 or 1. With `Q(z) = exp(z^2 / 2) Phi(-z)`, which a polynomial gives, one exponential a pixel is
@@ -22,6 +26,7 @@
     reason = "rays are single precision, pixels are clipped to the picture, and index loops over arrays run side by side"
 )]
 
+use bytemuck::Zeroable;
 use glam::{DMat3, DVec3};
 
 use super::arith::{LOG2_E, at_least, at_most, exp2_neg, keep_if};
@@ -30,8 +35,11 @@ use super::view::{PixelMap, View};
 use crate::arena::visible::MAX_DEPTH;
 use crate::traverse::Viewpoint;
 
-/// Distance from the eye's plane below which voxels are drawn exactly, in the longest step between voxels. Measured: OPTICS.md.
-pub(crate) const NEAR: f64 = 24.0;
+/// Distance from the eye's plane below which a voxel has no footprint, in the longest step between voxels; and in radii of the kernel,
+/// if that is more. Farther away no kernel reaches the eye's plane, and boxes around footprints are at most twice as large as in a
+/// parallel view.
+pub(crate) const NEAR: f64 = 8.0;
+pub(crate) const NEAR_RADII: f64 = 2.0;
 
 /// What the voxels near the eye of a perspective view need to be drawn.
 #[derive(Debug, Clone)]
@@ -53,6 +61,10 @@ pub(crate) struct NearView {
     /// Depths of centres below this are not drawn: they are clipped, or kernels end behind the eye. In mean spacings.
     pub(crate) least_depth: f64,
     radius: f64,
+    /// The kernel's radius in mean spacings forward.
+    pub(crate) reach: f32,
+    /// No ray has a stretch above this.
+    pub(crate) most_stretch: f32,
     /// Exponent in units of ln 2 at a distance of one voxel.
     factor: f32,
     cut: f32,
@@ -66,8 +78,17 @@ pub(crate) struct NearView {
 pub(crate) struct Rays<const N: usize> {
     /// Unit directions in voxel coordinates: all x components, then y, then z.
     direction: [[f32; N]; 3],
-    /// The peak of a kernel of optical depth 1.
-    strength: [f32; N],
+    lengths: RayLengths<N>,
+}
+
+/// The lengths of the rays of N pixels. All zero: not known yet.
+#[derive(Debug, Clone, Copy, Zeroable)]
+#[repr(C)]
+pub(crate) struct RayLengths<const N: usize> {
+    /// One over the square of the direction's length, scaled like [`NearView::right`].
+    pub(crate) per_square: [f32; N],
+    /// The *stretch*: how long a ray is in mean spacings for the same length in voxel coordinates, scaled alike.
+    pub(crate) stretch: [f32; N],
 }
 
 /// A voxel near the eye.
@@ -111,6 +132,8 @@ impl NearView {
             gradients,
             least_depth: view.clip.max(-view.reach),
             radius: kernel.radius.into(),
+            reach: (f64::from(kernel.radius) * forward.length()) as f32,
+            most_stretch: (scale * gradients.map(DVec3::length_squared).iter().sum::<f64>().sqrt()) as f32,
             factor: (0.5 / (sigma * sigma)) as f32 * LOG2_E,
             cut: kernel.cut(),
             per_sigma: 1.0 / kernel.sigma,
@@ -123,6 +146,7 @@ impl NearView {
         NearView {
             least_depth: self.least_depth.min(self.least_depth * f64::from(width)),
             radius: self.radius * f64::from(width),
+            reach: self.reach * width,
             factor: self.factor / (width * width),
             per_sigma: self.per_sigma / width,
             strength: self.strength * width,
@@ -160,8 +184,9 @@ impl NearView {
     pub(crate) fn rays<const N: usize>(&self, columns: [i32; N], rows: [i32; N]) -> Rays<N> {
         // Half a pixel at the most: exact in single precision.
         let [middle_x, middle_y] = self.centre.map(|at| at as f32);
-        let (mut direction, mut strength) = ([[0.0; N]; 3], [1.0; N]);
+        let (mut direction, mut slant) = ([[0.0; N]; 3], [1.0; N]);
         let mut per_length = [0.0; N];
+        let mut lengths = RayLengths { per_square: [0.0; N], stretch: [0.0; N] };
         for i in 0..N {
             let tan_x = (columns[i] as f32 - middle_x) * self.per_pixel;
             let tan_y = (middle_y - rows[i] as f32) * self.per_pixel;
@@ -169,17 +194,48 @@ impl NearView {
                 direction[a][i] = (self.forward[a] + self.right[a] * tan_x) + self.up[a] * tan_y;
             }
             let [x, y, z] = [direction[0][i], direction[1][i], direction[2][i]];
-            per_length[i] = 1.0 / at_least((x * x + y * y) + z * z, f32::MIN_POSITIVE).sqrt();
+            lengths.per_square[i] = 1.0 / at_least((x * x + y * y) + z * z, f32::MIN_POSITIVE);
+            per_length[i] = lengths.per_square[i].sqrt();
             // The ray's length in mean spacings, for the length of the direction.
-            strength[i] = ((1.0 + tan_x * tan_x) + tan_y * tan_y).sqrt();
+            slant[i] = ((1.0 + tan_x * tan_x) + tan_y * tan_y).sqrt();
         }
         for i in 0..N {
             for a in 0..3 {
                 direction[a][i] *= per_length[i];
             }
-            strength[i] = self.strength * (strength[i] * per_length[i]);
+            lengths.stretch[i] = slant[i] * per_length[i];
         }
-        Rays { direction, strength }
+        Rays { direction, lengths }
+    }
+
+    /// Returns the lengths of the rays of the pixels in these columns and rows.
+    #[inline(always)]
+    pub(crate) fn lengths<const N: usize>(&self, columns: [i32; N], rows: [i32; N]) -> RayLengths<N> {
+        self.rays(columns, rows).lengths
+    }
+
+    /// Returns the largest square of the length of a direction in these tiles, each pair the first and one past the last, with a margin
+    /// for rounding.
+    #[inline(always)]
+    pub(crate) fn largest_square(&self, columns: [i32; 2], rows: [i32; 2]) -> f32 {
+        let mut most = 0.0;
+        for [column, row] in [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[c, r]| [columns[c] << 2, rows[r] << 2]) {
+            let tan_right = ((column as f64 - self.centre[0]) as f32) * self.per_pixel;
+            let tan_up = ((self.centre[1] - row as f64) as f32) * self.per_pixel;
+            most = at_least(most, self.square(tan_right, tan_up));
+        }
+        most * 1.000_1
+    }
+
+    /// Returns the square of the length of the direction at these tangents to the right and upward.
+    #[inline(always)]
+    pub(crate) fn square(&self, tan_right: f32, tan_up: f32) -> f32 {
+        let mut squares = [0.0; 3];
+        for a in 0..3 {
+            let along = (self.forward[a] + self.right[a] * tan_right) + self.up[a] * tan_up;
+            squares[a] = along * along;
+        }
+        (squares[0] + squares[1]) + squares[2]
     }
 
     /// Returns the optical depth of a kernel on each ray, in units of ln 2 like `peak`, the depth of its voxel.
@@ -197,10 +253,16 @@ impl NearView {
             let whole = keep_if(is_in_front & (exponent <= self.cut), exp2_neg(exponent));
             let tail = kernel.at_eye * tail_ratio(t.abs() * self.per_sigma);
             let weight = at_least(whole + if is_in_front { -tail } else { tail }, 0.0);
-            depths[i] = at_most(peak * rays.strength[i], MAX_DEPTH as f32 * LOG2_E) * weight;
+            depths[i] = ray_depth(peak, self.strength * rays.lengths.stretch[i]) * weight;
         }
         depths
     }
+}
+
+/// Returns the largest optical depth of a kernel of this peak on rays of this stretch.
+#[inline(always)]
+pub(crate) fn ray_depth(peak: f32, stretch: f32) -> f32 {
+    at_most(peak * stretch, MAX_DEPTH as f32 * LOG2_E)
 }
 
 /// Returns `exp(z^2 / 2) Phi(-z)` for `z` in 0..=6, Phi the normal distribution; relative error at most 5e-7.
@@ -352,6 +414,7 @@ mod tests {
         let kernel = near.kernel(near.eye.to_array(), 0.0).unwrap();
         let rays = near.rays([3], [5]);
         let [depth] = near.depths(&kernel, &rays, 1.0);
-        assert!((depth / rays.strength[0] - 0.5).abs() < 1e-6, "{depth}");
+        let most = near.strength * rays.lengths.stretch[0];
+        assert!((depth / most - 0.5).abs() < 1e-6, "{depth}");
     }
 }

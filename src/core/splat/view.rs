@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use super::camera::{Camera, Projection, SOUND_LENGTHS, WorldFrame};
 use super::kernel::KernelShape;
-use super::near::NEAR;
+use super::near::{NEAR, NEAR_RADII};
 use super::{require, require_pixels, require_positive};
 use crate::error::{Error, Result};
 use crate::traverse::{Viewpoint, VoxelBox};
@@ -126,7 +126,8 @@ impl View {
             }
             Projection::Perspective { fov } => {
                 let focal = rows / 2.0 / (fov.to_radians() / 2.0).tan();
-                let near = clip.max(NEAR * steps.into_iter().fold(0.0, f64::max));
+                let nearest = NEAR.max(NEAR_RADII * f64::from(kernel.radius));
+                let near = clip.max(nearest * steps.into_iter().fold(0.0, f64::max));
                 let map = PixelMap::Perspective { camera_from_voxel, focal, centre, near };
                 (map, Viewpoint::Perspective { eye: eye_voxel, toward: unit(toward) })
             }
@@ -244,8 +245,12 @@ impl View {
                     let tangent = most(across).hypot(most(above));
                     let [x, y, z] = self.steps;
                     let longest = radius * (x * x + y * y + z * z).sqrt();
-                    let half_width = focal * longest / depths[0] * (1.0 + tangent * tangent).sqrt() + LOW_PASS_REACH;
-                    add(across, above, half_width);
+                    let half_width = focal * longest / depths[0] * (1.0 + tangent * tangent).sqrt();
+                    // What the perspective adds to boxes (`Footprint::on_rays`): to those of narrow footprints by their width, which is
+                    // that of the low-pass for the shortest step, at any distance.
+                    let narrow = 2.0 * LOW_PASS_REACH * length(forward) / (focal * x.min(y).min(z));
+                    let wider = (self.reach / depths[0]).max(narrow).min(0.9);
+                    add(across, above, (half_width + LOW_PASS_REACH) / (1.0 - wider));
                 }
                 Some([columns[0], columns[1], rows[0], rows[1]])
             }

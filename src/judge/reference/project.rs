@@ -6,7 +6,15 @@
 //! pixel   += transmittance * (1 - exp(-depth)) * colour
 //! ```
 //!
-//! Kernels near the eye are not projected ([`NearRays`]).
+//! In a perspective, let D be the direction of the ray through a pixel, in voxels, one unit forward. Both depend on its length
+//! ([`EyeRays`]):
+//!
+//! ```text
+//! x^T V^-1 x is multiplied by |D at the centre|^2 / |D|^2
+//! the depth at the centre, by stretch / (stretch at the centre), where the stretch is D's length in the world over |D|
+//! ```
+//!
+//! Kernels near the eye are not projected, but integrated along rays.
 //!
 //! Source: Zwicker et al., "EWA Volume Splatting", 2001.
 
@@ -67,7 +75,7 @@ pub(super) struct SplatProjector<'a> {
     /// The covariance of every footprint in a parallel view; `None` in perspective.
     footprint: Option<SplatCovariance>,
     /// The rays of a perspective view; `None` in a parallel one.
-    rays: Option<NearRays>,
+    rays: Option<EyeRays>,
 }
 
 impl<'a> SplatProjector<'a> {
@@ -86,12 +94,12 @@ impl<'a> SplatProjector<'a> {
             strength: 1.0 / (std::f64::consts::TAU * (1.0 - lost)),
             exposure,
             footprint,
-            rays: NearRays::new(view),
+            rays: EyeRays::new(view),
         }
     }
 
-    /// Returns a footprint's centre and covariance, and the pixels per mean area across the ray; `None` if the voxel is
-    /// too near the eye for a footprint.
+    /// Returns a footprint's centre and covariance, and the pixels per mean area across the ray; in a perspective, over the stretch of
+    /// the ray through the centre. `None` if the voxel is too near the eye for a footprint.
     fn project(&self, voxel: &ReferenceVoxel) -> Option<([f64; 2], SplatCovariance, f64)> {
         let [x, y, z] = voxel.position.map(f64::from);
         let at = |m: &Affine| m[0] * x + m[1] * y + m[2] * z + m[3];
@@ -114,7 +122,8 @@ impl<'a> SplatProjector<'a> {
                 // A pixel's solid angle is cos^3 / focal^2; the voxel is at the distance t2 / cos.
                 let slant = (1.0 + across * across + above * above).sqrt();
                 let centre = [centre[0] + focal * across, centre[1] - focal * above];
-                Some((centre, SplatCovariance::new(jacobian, self.settings.sigma), scale * scale * slant))
+                let stretch = self.rays.as_ref()?.lengths(centre)[1];
+                Some((centre, SplatCovariance::new(jacobian, self.settings.sigma), scale * scale * slant / stretch))
             }
             (PixelMap::Parallel { .. }, None) => None,
         }
@@ -123,23 +132,38 @@ impl<'a> SplatProjector<'a> {
     pub(super) fn splat(&self, voxel: &ReferenceVoxel, band: &mut PixelRows) {
         let Some(([x, y], footprint, density)) = self.project(voxel) else { return self.splat_near(voxel, band) };
         let SplatCovariance { xx, xy, yy, determinant } = footprint;
-        let reach = self.settings.cut_off * yy.sqrt();
-        let Some((first_row, last_row)) = whole(y - reach, y + reach, band.first_row, band.rows()) else { return };
-        let reach_x = self.settings.cut_off * xx.sqrt();
-        if whole(x - reach_x, x + reach_x, 0, band.columns).is_none() {
-            return;
-        }
         // The weight at the centre of a footprint, scaled so that the weights of a layer of voxels add up to 1.
         let weight = self.strength * density / determinant.sqrt();
-        let peak = self.peak(voxel, weight);
-        if peak <= 0.0 || peak.is_nan() {
+        let is_visible = self.peak(voxel, weight) > 0.0;
+        if !is_visible {
             return;
         }
         let colour = self.colour(voxel);
+        // For a pixel: by what the exponent is multiplied, and the stretch of its ray.
+        let on_ray = |column: usize, row: usize| {
+            let Some(rays) = &self.rays else { return [1.0; 2] };
+            let [[here, stretch], [there, _]] = [[column as f64, row as f64], [x, y]].map(|at| rays.lengths(at));
+            [(there / here).powi(2), stretch]
+        };
         let cut = self.settings.cut_off * self.settings.cut_off;
+        // Exponents are convex in a parallel view. In a perspective they are divided by a convex square.
+        let widest = match &self.rays {
+            None => 1.0,
+            Some(_) => {
+                let last = [band.columns - 1, band.first_row + band.rows() - 1];
+                let corners = [[0, band.first_row], [last[0], band.first_row], [0, last[1]], last];
+                corners.map(|[column, row]| 1.0 / on_ray(column, row)[0]).into_iter().fold(1.0, f64::max)
+            }
+        };
+        let reach = (cut * widest * yy).sqrt();
+        let Some((first_row, last_row)) = whole(y - reach, y + reach, band.first_row, band.rows()) else { return };
+        let reach_x = (cut * widest * xx).sqrt();
+        if whole(x - reach_x, x + reach_x, 0, band.columns).is_none() {
+            return;
+        }
         for row in first_row..=last_row {
             let dy = row as f64 - y;
-            let room = cut - dy * dy / yy;
+            let room = cut * widest - dy * dy / yy;
             if room < 0.0 {
                 continue;
             }
@@ -152,8 +176,11 @@ impl<'a> SplatProjector<'a> {
             let row_pixels = &mut band.pixels[(row - band.first_row) * band.columns..][..band.columns];
             for (column, pixel) in (first..=last).zip(&mut row_pixels[first..=last]) {
                 let dx = column as f64 - middle;
-                let exponent = -0.5 * (dx * dx * yy / determinant + dy * dy / yy);
-                self.blend(pixel, peak * exponent.exp(), colour);
+                let [factor, stretch] = on_ray(column, row);
+                let square = (dx * dx * yy / determinant + dy * dy / yy) * factor;
+                if square <= cut {
+                    self.blend(pixel, self.peak(voxel, weight * stretch) * (-0.5 * square).exp(), colour);
+                }
             }
         }
     }
@@ -233,7 +260,7 @@ impl<'a> SplatProjector<'a> {
 
 /// The rays of a perspective view in voxel coordinates, where a kernel is a round Gaussian.
 #[derive(Debug, Clone, Copy)]
-struct NearRays {
+struct EyeRays {
     eye: DVec3,
     /// The direction of a ray from its tangents to the right and upward, and 1.
     voxel_from_camera: DMat3,
@@ -245,8 +272,8 @@ struct NearRays {
     clip: f64,
 }
 
-impl NearRays {
-    fn new(view: &View) -> Option<NearRays> {
+impl EyeRays {
+    fn new(view: &View) -> Option<EyeRays> {
         let (PixelMap::Perspective { camera_from_voxel, focal, centre, .. }, Viewpoint::Perspective { eye, .. }) =
             (&view.map, view.viewpoint)
         else {
@@ -256,7 +283,14 @@ impl NearRays {
         let [right, up, forward] = gradients;
         let voxel_from_camera = DMat3::from_cols(right, up, forward).transpose().inverse();
         let eye = DVec3::from_array(eye);
-        Some(NearRays { eye, voxel_from_camera, gradients, focal: *focal, centre: *centre, clip: view.clip })
+        Some(EyeRays { eye, voxel_from_camera, gradients, focal: *focal, centre: *centre, clip: view.clip })
+    }
+
+    /// Returns the length in voxels of the ray through a place in the picture, one unit forward, and the ray's stretch.
+    fn lengths(&self, [column, row]: [f64; 2]) -> [f64; 2] {
+        let (across, above) = ((column - self.centre[0]) / self.focal, (self.centre[1] - row) / self.focal);
+        let length = (self.voxel_from_camera * DVec3::new(across, above, 1.0)).length();
+        [length, (1.0 + across * across + above * above).sqrt() / length]
     }
 }
 

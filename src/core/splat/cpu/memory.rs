@@ -22,6 +22,8 @@ const TILE_BYTES: u64 = 16;
 const POINT_BYTES: u64 = 64;
 /// Bytes per pixel, in a frame and in bands.
 pub const PIXEL_BYTES: u64 = 4 * size_of::<f32>() as u64;
+/// Bytes per pixel of bands: in a perspective, also two numbers of its ray.
+const BAND_PIXEL_BYTES: u64 = PIXEL_BYTES + 2 * size_of::<f32>() as u64;
 
 /// Bytes per kept pixel of a lattice: in the frame that is warped, and marks of what is drawn.
 const LATTICE_PIXEL_BYTES: u64 = PIXEL_BYTES + 2;
@@ -121,7 +123,7 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settin
 fn band_bytes([columns, rows]: [u64; 2], threads: u64) -> u64 {
     let by_rows = (columns + PADDING[0]) * (rows + threads * PADDING[1]);
     let by_columns = (columns + threads * PADDING[0]) * (rows + PADDING[1]);
-    PIXEL_BYTES.saturating_mul(by_rows.max(by_columns))
+    BAND_PIXEL_BYTES.saturating_mul(by_rows.max(by_columns))
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
 use super::lattice::{Footprints, Lattice, TileRays};
-use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pixel_span, slant, widened};
+use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pixel_span, strength_on_rays, widened};
 use super::scatter::maximum::{Rays, advance};
 use super::splats::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, combine, full_rect};
@@ -141,7 +141,7 @@ pub(super) fn draw_on_lattice<B: Blend>(
 
 /// What a voxel adds to pixels: the kernel's footprint, or if it is near the eye, its depth along each ray.
 enum Splat<'a> {
-    Footprint(SplatKernel),
+    Footprint { kernel: SplatKernel, view: Option<&'a NearView> },
     Near { view: &'a NearView, kernel: NearKernel, depth: f32 },
 }
 
@@ -149,7 +149,7 @@ impl Splat<'_> {
     /// Returns the first and last column, then the first and last row, of a box of all pixels that the splat reaches.
     fn pixels(&self) -> [(i32, i32); 2] {
         match self {
-            Splat::Footprint(SplatKernel { centre, ellipse, .. }) => {
+            Splat::Footprint { kernel: SplatKernel { centre, ellipse, .. }, .. } => {
                 let Centre { x, y, offset_x, offset_y } = *centre;
                 [pixel_span((x, offset_x), ellipse.half_x), pixel_span((y, offset_y), ellipse.half_y)]
             }
@@ -160,7 +160,7 @@ impl Splat<'_> {
     /// Returns the optical depth at a pixel, in units of ln 2.
     fn depth(&self, column: i32, row: i32) -> f32 {
         match self {
-            Splat::Footprint(kernel) => kernel.depth(column, row),
+            Splat::Footprint { kernel, view } => kernel.depth(column, row, *view),
             Splat::Near { view, kernel, depth } => {
                 let [depth] = view.depths(kernel, &view.rays([column], [row]), *depth);
                 depth
@@ -273,8 +273,9 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize,
         Centre { x, y, offset_x, offset_y }
     };
     let footprint_at = |centre: Centre, ellipse: Ellipse, strength: f32| {
-        let peak = limited(depth, strength);
-        let splat = Splat::Footprint(SplatKernel { centre, ellipse, cut: projector.cut, peak });
+        let view = projector.near.as_ref();
+        let peak = if view.is_some() { depth * strength } else { limited(depth, strength) };
+        let splat = Splat::Footprint { kernel: SplatKernel { centre, ellipse, cut: projector.cut, peak }, view };
         (strength > 0.0 && peak > 0.0).then_some(splat)
     };
     match &projector.map {
@@ -299,8 +300,10 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize,
             let (tan_x, tan_y, nearness) = (right as f32, up as f32, inverse_depth as f32);
             let rows = jacobian(&camera_from_voxel.each_ref().map(single), tan_x, tan_y, *focal as f32 * nearness);
             let rows = if projector.is_on_grid() { rows } else { widened(rows, projector.widths.of(shape)) };
-            let footprint = footprint(rows, projector.sigma, projector.cut_off);
-            let strength = projector.strength * footprint.density * slant(tan_x, tan_y) * (nearness * nearness);
+            let rays = projector.near.as_ref()?;
+            let square = rays.square(tan_x, tan_y);
+            let footprint = footprint(rows, projector.sigma, projector.cut_off).on_rays(square, rays.reach * nearness);
+            let strength = strength_on_rays(projector.strength, footprint.density, square, nearness);
             footprint_at(centre(middle_x + focal * right, middle_y - focal * up), footprint.ellipse, strength)
         }
     }

@@ -77,7 +77,7 @@ impl<'a> Projector<'a> {
                 let rows = pixel_from_voxel.each_ref().map(single);
                 let per_density = normalisation * (scale * scale) as f32;
                 let of_shape = |shape| {
-                    let Footprint { ellipse, density } = footprint(widened(rows, widths.of(shape)), sigma, cut_off);
+                    let Footprint { ellipse, density, .. } = footprint(widened(rows, widths.of(shape)), sigma, cut_off);
                     (ellipse, per_density * density)
                 };
                 Some(Box::new(std::array::from_fn(of_shape)))
@@ -121,6 +121,11 @@ impl<'a> Projector<'a> {
         Projector { sigma, ellipse, strength: strength * width.powi(3), near, shapes: None, ..*self }
     }
 
+    /// Returns whether the view is a perspective.
+    pub fn is_perspective(&self) -> bool {
+        self.near.is_some()
+    }
+
     /// Returns half the width and height of a footprint's box in a parallel view, in pixels; 0 in perspective.
     pub(super) fn half_widths(&self) -> [f64; 2] {
         [self.ellipse.half_x.into(), self.ellipse.half_y.into()]
@@ -142,7 +147,7 @@ impl<'a> Projector<'a> {
         self.cull(voxels.count, self.in_clip(voxels), out, tiles);
         let Splats { count, kept, looks, .. } = out;
         self.colour(voxels, &kept[..*count], looks);
-        out.apply_strengths();
+        out.apply_strengths(self.is_perspective());
     }
 
     /// Returns whether voxels lie on points of the grid, and not at the mean of what is visible of a block.
@@ -207,6 +212,7 @@ impl<'a> Projector<'a> {
                 (camera_from_voxel, focal, centre, near)
             }
         };
+        let Some(rays) = &self.near else { return };
         let steps = camera_from_voxel.each_ref().map(single);
         let [right, up, forward] = camera_from_voxel.map(|map| self.nested(&map));
         let (focal_single, sigma, cut_off, strength) = (focal as f32, self.sigma, self.cut_off, self.strength);
@@ -225,8 +231,10 @@ impl<'a> Projector<'a> {
                     None => rows,
                     Some(shapes) => widened(rows, self.widths.of(shapes[from + j].into())),
                 };
-                let Footprint { ellipse, density } = footprint(rows, sigma, cut_off);
-                let strength = keep_if(in_front, strength * density * slant(tan_x, tan_y) * (nearness * nearness));
+                let square = rays.square(tan_x, tan_y);
+                let Footprint { ellipse, density, .. } =
+                    footprint(rows, sigma, cut_off).on_rays(square, rays.reach * nearness);
+                let strength = keep_if(in_front, strength_on_rays(strength, density, square, nearness));
                 part.set(j, [centre_x + focal * tan_right, centre_y - focal * tan_up], &ellipse, strength);
             }
             part.copy_to(from, &mut out.places);
@@ -385,14 +393,17 @@ pub(super) fn affine_at(map: &Affine, [slow, medium, fast]: [f64; 3]) -> f64 {
 }
 
 impl Splats {
-    /// Turns each kept splat's optical depth per mean spacing into that at the splat's centre, unless the voxel is near the
-    /// eye: its depth depends on the ray.
+    /// Turns each kept splat's optical depth per mean spacing into that at the splat's centre; in a perspective, over the stretch of the
+    /// ray. That of a voxel near the eye stays.
     #[inline(always)]
-    pub fn apply_strengths(&mut self) {
+    pub fn apply_strengths(&mut self, is_perspective: bool) {
         for k in 0..self.count {
             let j = usize::from(self.kept[k]) % BLOCK;
-            if self.near(j).is_none() {
-                self.looks[k][3] = limited(self.looks[k][3], self.places.strength[j]);
+            let strength = self.places.strength[j];
+            if !is_perspective {
+                self.looks[k][3] = limited(self.looks[k][3], strength);
+            } else if self.near(j).is_none() {
+                self.looks[k][3] *= strength;
             }
         }
     }
@@ -425,11 +436,12 @@ pub(in super::super) fn widened(rows: [[f32; 3]; 2], widths: [f32; 3]) -> [[f32;
     rows.map(|[x, y, z]| [x * widths[0], y * widths[1], z * widths[2]])
 }
 
-/// Returns the length of a ray divided by its length along the view axis. In the world, the area of a pixel
-/// perpendicular to its ray is `depth^2 / (slant * focal^2)`.
+/// Returns the peak of a splat of optical depth 1 in a perspective, over the stretch of a ray. In the world, the area of a pixel
+/// perpendicular to its ray is `depth^2 / (slant * focal^2)`, where the slant is the length of the ray for a unit forward; and its
+/// stretch is the slant over the root of `square`, which belongs to the ray through the voxel.
 #[inline(always)]
-pub(super) fn slant(tan_x: f32, tan_y: f32) -> f32 {
-    (1.0 + tan_x * tan_x + tan_y * tan_y).sqrt()
+pub(super) fn strength_on_rays(strength: f32, density: f32, square: f32, nearness: f32) -> f32 {
+    strength * density * square.sqrt() * (nearness * nearness)
 }
 
 /// Returns the pixel nearest to a coordinate, limited to +-1e9 pixels, and the coordinate minus that pixel.

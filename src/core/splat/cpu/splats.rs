@@ -10,7 +10,7 @@ use super::voxel_block::BLOCK;
 use crate::splat::arith::{at_least, at_most, exp2_neg, keep_if};
 use crate::splat::composite::Look;
 use crate::splat::kernel::Ellipse;
-use crate::splat::near::NearKernel;
+use crate::splat::near::{NearKernel, NearView, RayLengths, ray_depth};
 
 /// The centres and bounding boxes of splats in one direction, x or y, in pixels.
 pub(super) struct Extents<const N: usize> {
@@ -135,12 +135,15 @@ pub(super) struct TileRow {
 }
 
 impl SplatKernel {
-    /// Returns the optical depth at a pixel, in units of ln 2.
-    pub(super) fn depth(&self, x: i32, y: i32) -> f32 {
+    /// Returns the optical depth at a pixel, in units of ln 2; `view` gives the rays of a perspective.
+    pub(super) fn depth(&self, x: i32, y: i32, view: Option<&NearView>) -> f32 {
         let root = self.ellipse.u_factor.sqrt();
         let first_row = ((y & !3) - self.centre.y) as f32;
         let (distance, exponent) = self.terms(root, first_row, (x & 3) as f32, (y & 3) as f32);
-        self.depth_at(((x & !3) - self.centre.x) as f32 * root, distance, exponent)
+        let first_column = ((x & !3) - self.centre.x) as f32 * root;
+        let Some(view) = view else { return self.depth_at(first_column, distance, exponent) };
+        let RayLengths { per_square: [per_square], stretch: [stretch] } = view.lengths([x], [y]);
+        self.depth_on_ray(first_column, distance, exponent, [per_square, stretch])
     }
 
     /// Returns the two values of [`TileRow`] for the pixel at `column` and `row` of a tile whose first row is
@@ -158,6 +161,14 @@ impl SplatKernel {
         let q = u * u + exponent;
         // Far outside the ellipse the exponential is meaningless, and `keep_if` replaces it by 0.
         keep_if(q <= self.cut, self.peak * exp2_neg(q))
+    }
+
+    /// Returns the optical depth on a ray of a perspective.
+    #[inline(always)]
+    fn depth_on_ray(&self, first_column: f32, distance: f32, exponent: f32, [per_square, stretch]: [f32; 2]) -> f32 {
+        let u = first_column + distance;
+        let q = (u * u + exponent) * per_square;
+        keep_if(q <= self.cut, ray_depth(self.peak, stretch) * exp2_neg(q))
     }
 
     #[inline(always)]
@@ -181,14 +192,33 @@ impl SplatKernel {
         depths
     }
 
-    /// Returns the columns of the first and last tile of a row that the ellipse may meet, with a margin for rounding.
+    /// Returns the optical depths on the rays of a tile's pixels, in a perspective.
     #[inline(always)]
-    pub(super) fn chord(&self, row: i32) -> [i32; 2] {
+    pub(super) fn depths_on_rays(
+        &self,
+        root: f32,
+        tile_row: &TileRow,
+        column: i32,
+        lengths: &RayLengths<TILE_PIXELS>,
+    ) -> [f32; TILE_PIXELS] {
+        let first_column = ((column << TILE_SHIFT) - self.centre.x) as f32 * root;
+        let mut depths = [0.0; TILE_PIXELS];
+        for i in 0..TILE_PIXELS {
+            let lengths = [lengths.per_square[i], lengths.stretch[i]];
+            depths[i] = self.depth_on_ray(first_column, tile_row.distance[i], tile_row.exponent[i], lengths);
+        }
+        depths
+    }
+
+    /// Returns the columns of the first and last tile of a row that the ellipse may meet, with a margin for rounding. `most`: by what
+    /// exponents are divided at most; 1 in a parallel view.
+    #[inline(always)]
+    pub(super) fn chord(&self, row: i32, most: f32) -> [i32; 2] {
         let low = ((row << TILE_SHIFT) - self.centre.y) as f32 - self.centre.offset_y;
         let high = low + 3.0;
         let nearest = at_least(at_least(low, 0.0 - high), 0.0);
         let Ellipse { u_factor, y_factor, shear, .. } = self.ellipse;
-        let half_width = (at_least(self.cut - y_factor * (nearest * nearest), 0.0) / u_factor).sqrt() + 1.0;
+        let half_width = (at_least(self.cut * most - y_factor * (nearest * nearest), 0.0) / u_factor).sqrt() + 1.0;
         let (ridge_low, ridge_high) = (shear * low, shear * high);
         let column = |x: f32| self.centre.x.saturating_add(x as i32) >> TILE_SHIFT;
         let (from, to) = (at_most(ridge_low, ridge_high) - half_width, at_least(ridge_low, ridge_high) + half_width);

@@ -16,6 +16,7 @@ use super::bit_rows::BitRows;
 use super::blend::Blend;
 use crate::error::Result;
 use crate::splat::frame::zeroed;
+use crate::splat::near::{NearView, RayLengths};
 
 /// Base-2 logarithm of the side of a tile in pixels.
 pub(super) const TILE_SHIFT: i32 = 2;
@@ -112,6 +113,8 @@ pub struct TileBuffer {
     tiles: Box<[PixelTile]>,
     /// The state of each tile.
     states: Vec<u8>,
+    /// In a perspective: the lengths of the rays of each tile's pixels, once they were asked for.
+    lengths: Box<[RayLengths<TILE_PIXELS>]>,
     /// For each tile: whether its pixels may still change.
     pub(super) open_tiles: BitRows,
 }
@@ -119,10 +122,16 @@ pub struct TileBuffer {
 impl TileBuffer {
     /// Creates the pixels of `rect`, which is not empty, with colours 0 and alphas `initial_alpha`.
     pub fn new(rect: Rect, initial_alpha: f32) -> Result<TileBuffer> {
-        let (tiles, states, open_tiles) = (Box::default(), Vec::new(), BitRows::default());
-        let mut buffer = TileBuffer { rect, initial_alpha, pitch: 0, tiles, states, open_tiles };
+        let (tiles, states, lengths, open_tiles) = (Box::default(), Vec::new(), Box::default(), BitRows::default());
+        let mut buffer = TileBuffer { rect, initial_alpha, pitch: 0, tiles, states, lengths, open_tiles };
         buffer.restart(rect)?;
         Ok(buffer)
+    }
+
+    /// Adds room for the lengths of the pixels' rays, if the view is a perspective.
+    pub fn with_rays(self, is_perspective: bool) -> Result<TileBuffer> {
+        let count = if is_perspective { self.len() } else { 0 };
+        Ok(TileBuffer { lengths: zeroed(count as u64)?, ..self })
     }
 
     /// Makes these the pixels of another rectangle, all fresh. Allocates memory only if there is too little.
@@ -158,6 +167,22 @@ impl TileBuffer {
             _ => return None,
         }
         Some((index, &mut self.tiles[index]))
+    }
+
+    /// Returns the same with the lengths of the rays of the tile's pixels in a perspective.
+    #[inline(always)]
+    pub(super) fn tile_and_rays(
+        &mut self,
+        column: i32,
+        row: i32,
+        view: &NearView,
+    ) -> Option<(usize, &mut PixelTile, &RayLengths<TILE_PIXELS>)> {
+        let (index, _) = self.tile(column, row)?;
+        let lengths = &mut self.lengths[index];
+        if lengths.per_square[0] == 0.0 {
+            *lengths = tile_lengths(view, column, row);
+        }
+        Some((index, &mut self.tiles[index], lengths))
     }
 
     /// Sets the colours and the initial alpha of a fresh tile's pixels. Outside the rectangle alpha is 0, so that the tile can freeze.
@@ -299,6 +324,23 @@ pub(super) fn halve_rows(pixels: &[[f32; 4]], columns: usize, halves: [bool; 2],
             }
         }
     }
+}
+
+/// Returns the lengths of the rays of a tile's pixels.
+#[inline(never)]
+fn tile_lengths(view: &NearView, column: i32, row: i32) -> RayLengths<TILE_PIXELS> {
+    let (columns, rows) = tile_pixels(column, row);
+    view.lengths(columns, rows)
+}
+
+/// Returns the columns and the rows of a tile's pixels.
+#[inline(always)]
+pub(super) fn tile_pixels(column: i32, row: i32) -> ([i32; TILE_PIXELS], [i32; TILE_PIXELS]) {
+    let (mut columns, mut rows) = ([0; TILE_PIXELS], [0; TILE_PIXELS]);
+    for i in 0..TILE_PIXELS {
+        (columns[i], rows[i]) = ((column << TILE_SHIFT) + COLUMN[i] as i32, (row << TILE_SHIFT) + ROW[i] as i32);
+    }
+    (columns, rows)
 }
 
 /// Returns a pixel's index in the values of its tile.

@@ -26,7 +26,8 @@ pub(in super::super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<Ba
         }
         dispatch::draw_block::<B>(settings.code, projector, &splats, tiles)
     };
-    Ok(paint(task, TileBuffer::new(rect, B::INITIAL_ALPHA)?, draw_block))
+    let tiles = TileBuffer::new(rect, B::INITIAL_ALPHA)?.with_rays(projector.is_perspective())?;
+    Ok(paint(task, tiles, draw_block))
 }
 
 /// Draws a band, block by block; `draw_block` returns how many voxels it drew.

@@ -9,7 +9,7 @@
 use crate::splat::arith::SMALL_DEPTH;
 use crate::splat::cpu::blend::Blend;
 use crate::splat::cpu::splats::{SplatKernel, Splats};
-use crate::splat::cpu::tile_buffer::{COLUMN, ROW, TILE_PIXELS, TILE_SHIFT, TileBuffer};
+use crate::splat::cpu::tile_buffer::{TILE_PIXELS, TILE_SHIFT, TileBuffer, tile_pixels};
 use crate::splat::cpu::voxel_block::BLOCK;
 use crate::splat::near::{NearKernel, NearView};
 
@@ -40,10 +40,13 @@ pub(in super::super) fn draw<B: Blend>(
             continue;
         }
         let kernel = SplatKernel { centre: splats.centre(j), ellipse: splats.ellipse(j), cut, peak };
-        if peak <= SMALL_DEPTH {
-            draw_splat::<B, true>(tiles, &kernel, place, colour, stop);
-        } else {
-            draw_splat::<B, false>(tiles, &kernel, place, colour, stop);
+        match near {
+            None if peak <= SMALL_DEPTH => draw_splat::<B, true>(tiles, &kernel, place, colour, stop),
+            None => draw_splat::<B, false>(tiles, &kernel, place, colour, stop),
+            Some(view) if peak * view.most_stretch <= SMALL_DEPTH => {
+                draw_on_rays::<B, true>(tiles, view, &kernel, place, colour, stop);
+            }
+            Some(view) => draw_on_rays::<B, false>(tiles, view, &kernel, place, colour, stop),
         }
     }
     drawn
@@ -64,12 +67,44 @@ fn draw_splat<B: Blend, const IS_SMALL: bool>(
         let tile_row = kernel.tile_row(root, row);
         let (mut from, mut to) = (left, right);
         if right - left >= WIDE {
-            let [first, last] = kernel.chord(row);
+            let [first, last] = kernel.chord(row, 1.0);
             (from, to) = (from.max(first), to.min(last));
         }
         for column in from..to + 1 {
             let Some((index, tile)) = tiles.tile(column, row) else { continue };
             let mut amounts = kernel.depths(root, &tile_row, column);
+            for i in 0..TILE_PIXELS {
+                amounts[i] = B::amount::<IS_SMALL>(amounts[i]);
+            }
+            if !tile.blend::<B>(&amounts, colour, stop) {
+                tiles.freeze(index, column, row);
+            }
+        }
+    }
+}
+
+/// Draws a splat of a perspective in the same way; with `IS_SMALL`, its depth on any ray is up to [`SMALL_DEPTH`].
+#[inline(always)]
+fn draw_on_rays<B: Blend, const IS_SMALL: bool>(
+    tiles: &mut TileBuffer,
+    view: &NearView,
+    kernel: &SplatKernel,
+    [[left, right], [top, bottom]]: [[i32; 2]; 2],
+    colour: [f32; 3],
+    stop: f32,
+) {
+    let root = kernel.ellipse.u_factor.sqrt();
+    for row in top..bottom + 1 {
+        let tile_row = kernel.tile_row(root, row);
+        let (mut from, mut to) = (left, right);
+        if right - left >= WIDE {
+            // The square of a direction's length is convex: it is largest at an end of the row.
+            let [first, last] = kernel.chord(row, view.largest_square([left, right + 1], [row, row + 1]));
+            (from, to) = (from.max(first), to.min(last));
+        }
+        for column in from..to + 1 {
+            let Some((index, tile, lengths)) = tiles.tile_and_rays(column, row, view) else { continue };
+            let mut amounts = kernel.depths_on_rays(root, &tile_row, column, lengths);
             for i in 0..TILE_PIXELS {
                 amounts[i] = B::amount::<IS_SMALL>(amounts[i]);
             }
@@ -94,11 +129,7 @@ fn draw_near<B: Blend>(
     for row in top..bottom + 1 {
         for column in left..right + 1 {
             let Some((index, tile)) = tiles.tile(column, row) else { continue };
-            let (mut columns, mut rows) = ([0; TILE_PIXELS], [0; TILE_PIXELS]);
-            for i in 0..TILE_PIXELS {
-                (columns[i], rows[i]) =
-                    ((column << TILE_SHIFT) + COLUMN[i] as i32, (row << TILE_SHIFT) + ROW[i] as i32);
-            }
+            let (columns, rows) = tile_pixels(column, row);
             let mut amounts = view.depths(kernel, &view.rays(columns, rows), peak);
             for i in 0..TILE_PIXELS {
                 amounts[i] = B::amount::<false>(amounts[i]);
