@@ -61,8 +61,8 @@ pub(crate) struct NearView {
     /// Depths of centres below this are not drawn: they are clipped, or kernels end behind the eye. In mean spacings.
     pub(crate) least_depth: f64,
     radius: f64,
-    /// The kernel's radius in mean spacings forward.
-    pub(crate) reach: f32,
+    /// By how much the distance from the eye's plane changes in a step of one voxel along its gradient, in mean spacings.
+    pub(crate) steepness: f32,
     /// No ray has a stretch above this.
     pub(crate) most_stretch: f32,
     /// Exponent in units of ln 2 at a distance of one voxel.
@@ -132,7 +132,7 @@ impl NearView {
             gradients,
             least_depth: view.clip.max(-view.reach),
             radius: kernel.radius.into(),
-            reach: (f64::from(kernel.radius) * forward.length()) as f32,
+            steepness: forward.length() as f32,
             most_stretch: (scale * gradients.map(DVec3::length_squared).iter().sum::<f64>().sqrt()) as f32,
             factor: (0.5 / (sigma * sigma)) as f32 * LOG2_E,
             cut: kernel.cut(),
@@ -146,7 +146,6 @@ impl NearView {
         NearView {
             least_depth: self.least_depth.min(self.least_depth * f64::from(width)),
             radius: self.radius * f64::from(width),
-            reach: self.reach * width,
             factor: self.factor / (width * width),
             per_sigma: self.per_sigma / width,
             strength: self.strength * width,

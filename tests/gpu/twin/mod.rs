@@ -62,10 +62,3 @@ pub(crate) fn absorbed(x: f32) -> f32 {
     let scale = f32::from_bits(0x3f80_0000 - ((whole as u32) << 23));
     (1.0 - scale) + scale * (f * series)
 }
-
-/// Returns the optical depth of a splat at `dx`, `dy` from its centre, in units of ln 2; 0 outside its ellipse.
-pub(crate) fn depth_at(dx: f32, dy: f32, splat: &Splat, cut: f32) -> f32 {
-    let u = dx - splat.shear * dy;
-    let q = splat.falloff_x * (u * u) + splat.falloff_y * (dy * dy);
-    if q <= cut { splat.peak * (-q).exp2() } else { 0.0 }
-}

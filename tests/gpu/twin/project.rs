@@ -45,6 +45,7 @@ struct Footprint {
     shear: f32,
     half_width: [f32; 2],
     density: f32,
+    widening: f32,
 }
 
 /// Computes the splat of each voxel, in a maximum its value and place; returns how many are drawn.
@@ -169,6 +170,18 @@ fn footprint(frame: &FrameUniform, x: [f32; 3], y: [f32; 3]) -> Footprint {
         shear: xy / yy,
         half_width: [xx, yy].map(|variance| (frame.cut_off * variance.sqrt()).min(REACH)),
         density: 1.0 / determinant.sqrt(),
+        widening: (LOW_PASS * LOW_PASS / narrowest.max(f32::MIN_POSITIVE)).max(1.0).sqrt(),
+    }
+}
+
+/// Returns the footprint of a perspective on the rays of pixels.
+fn on_rays(ellipse: Footprint, square: f32, closeness: f32) -> Footprint {
+    let wider = closeness * ellipse.widening * if ellipse.widening > 1.0 { 2.0 } else { 1.0 };
+    Footprint {
+        falloff_x: ellipse.falloff_x * square,
+        falloff_y: ellipse.falloff_y * square,
+        half_width: ellipse.half_width.map(|half| (half / (1.0 - wider.min(0.9))).min(REACH)),
+        ..ellipse
     }
 }
 
@@ -437,7 +450,7 @@ fn splat_of(frame: &FrameUniform, is_maximum: bool, voxel: &VisitedVoxel, channe
         y = pixel_position(&frame.rows[1], frame.shifts[1], xyz, cover.offset);
         let [falloff_x, falloff_y, shear, _] = frame.ellipse;
         ellipse = if frame.coverage_bits == 0 {
-            Footprint { falloff_x, falloff_y, shear, half_width: frame.half_width, density: 1.0 }
+            Footprint { falloff_x, falloff_y, shear, half_width: frame.half_width, density: 1.0, widening: 1.0 }
         } else {
             let [x, y] = widened(frame, cover.offset, [gradient(frame, 0), gradient(frame, 1)]);
             footprint(frame, x, y)
@@ -457,8 +470,12 @@ fn splat_of(frame: &FrameUniform, is_maximum: bool, voxel: &VisitedVoxel, channe
         let across = frame.steps.map(|step| scale * (step[0] - tx * step[2]));
         let down = frame.steps.map(|step| scale * (ty * step[2] - step[1]));
         let [across, down] = widened(frame, cover.offset, [across, down]);
-        ellipse = footprint(frame, across, down);
-        strength *= ellipse.density * (1.0 + tx * tx + ty * ty).sqrt() * (closeness * closeness);
+        let along = [0, 1, 2].map(|a| frame.rays[2][a] + frame.rays[0][a] * tx + frame.rays[1][a] * ty);
+        let square = dot(along, along);
+        let forward = gradient(frame, 2);
+        let reach = frame.sigma * frame.cut_off * dot(forward, forward).sqrt();
+        ellipse = on_rays(footprint(frame, across, down), square, reach * closeness);
+        strength *= ellipse.density * square.sqrt() * (closeness * closeness);
     }
     let [x0, y0, x1, y1] = frame.window;
     let columns = span(x, ellipse.half_width[0], x0, x1 - 1);
@@ -469,7 +486,7 @@ fn splat_of(frame: &FrameUniform, is_maximum: bool, voxel: &VisitedVoxel, channe
         return EMPTY;
     }
     let [red, green, blue, depth] = look_of(frame, channels, voxel.record, cover.share);
-    let peak = (depth * strength).min(frame.max_depth);
+    let peak = depth * strength;
     if peak <= 0.0 || peak.is_nan() {
         return EMPTY;
     }

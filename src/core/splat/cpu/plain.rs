@@ -302,7 +302,8 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize,
             let rows = if projector.is_on_grid() { rows } else { widened(rows, projector.widths.of(shape)) };
             let rays = projector.near.as_ref()?;
             let square = rays.square(tan_x, tan_y);
-            let footprint = footprint(rows, projector.sigma, projector.cut_off).on_rays(square, rays.reach * nearness);
+            let footprint = footprint(rows, projector.sigma, projector.cut_off)
+                .on_rays(square, projector.reach_forward(rays) * nearness);
             let strength = strength_on_rays(projector.strength, footprint.density, square, nearness);
             footprint_at(centre(middle_x + focal * right, middle_y - focal * up), footprint.ellipse, strength)
         }

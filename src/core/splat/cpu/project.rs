@@ -121,6 +121,12 @@ impl<'a> Projector<'a> {
         Projector { sigma, ellipse, strength: strength * width.powi(3), near, shapes: None, ..*self }
     }
 
+    /// Returns how far the widest kernel reaches forward from its centre in a perspective, in mean spacings.
+    #[inline(always)]
+    pub(super) fn reach_forward(&self, rays: &NearView) -> f32 {
+        self.sigma * self.cut_off * rays.steepness
+    }
+
     /// Returns whether the view is a perspective.
     pub fn is_perspective(&self) -> bool {
         self.near.is_some()
@@ -215,6 +221,7 @@ impl<'a> Projector<'a> {
         let Some(rays) = &self.near else { return };
         let steps = camera_from_voxel.each_ref().map(single);
         let [right, up, forward] = camera_from_voxel.map(|map| self.nested(&map));
+        let reach = self.reach_forward(rays);
         let (focal_single, sigma, cut_off, strength) = (focal as f32, self.sigma, self.cut_off, self.strength);
         for from in (0..BLOCK).step_by(VECTOR_WIDTH) {
             let mut part = SplatPlaces::new();
@@ -233,7 +240,7 @@ impl<'a> Projector<'a> {
                 };
                 let square = rays.square(tan_x, tan_y);
                 let Footprint { ellipse, density, .. } =
-                    footprint(rows, sigma, cut_off).on_rays(square, rays.reach * nearness);
+                    footprint(rows, sigma, cut_off).on_rays(square, reach * nearness);
                 let strength = keep_if(in_front, strength_on_rays(strength, density, square, nearness));
                 part.set(j, [centre_x + focal * tan_right, centre_y - focal * tan_up], &ellipse, strength);
             }

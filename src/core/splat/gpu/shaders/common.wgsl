@@ -104,10 +104,11 @@ struct Splat {
     // `falloff_x` are the voxel minus the eye in voxel coordinates, and `shear` is the kernel at the eye over its peak.
     corner_x: f32, // From the centre to the first column, in pixels.
     corner_y: f32, // From the centre to the first row, in pixels.
-    falloff_x: f32, // Exponent per squared pixel of distance from the ridge along a row, in units of ln 2.
+    // Exponent per squared pixel of distance from the ridge along a row, in units of ln 2; in perspective, of a ray of length 1.
+    falloff_x: f32,
     falloff_y: f32, // Exponent per squared pixel from row to row, in units of ln 2.
     shear: f32, // By how many columns the ellipse's ridge moves per row.
-    // Optical depth at the centre in units of ln 2. Of a voxel near the eye: that of the voxel.
+    // Optical depth at the centre in units of ln 2; in perspective, on a ray of stretch 1. Of a voxel near the eye: that of the voxel.
     peak: f32,
     red: f32, // Linear colour, lit.
     green: f32,
@@ -150,11 +151,4 @@ fn absorbed(x: f32) -> f32 {
     let series = low + square * (middle + square * high);
     let scale = bitcast<f32>(0x3f800000u - (u32(whole) << 23u));
     return (1.0 - scale) + scale * (f * series);
-}
-
-// Returns a splat's optical depth at `dx`, `dy` pixels from its centre, in units of ln 2; 0 outside its ellipse.
-fn depth_at(dx: f32, dy: f32, falloff_x: f32, falloff_y: f32, shear: f32, peak: f32, cut_exponent: f32) -> f32 {
-    let u = dx - shear * dy;
-    let q = falloff_x * (u * u) + falloff_y * (dy * dy);
-    return select(0.0, peak * exp2(-q), q <= cut_exponent);
 }

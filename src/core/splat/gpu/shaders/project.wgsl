@@ -43,6 +43,7 @@ struct Footprint {
     shear: f32,
     half_width: vec2<f32>,
     density: f32, // pi divided by the area of the one-sigma ellipse, in 1 / square pixels.
+    widening: f32, // How many times as wide the low-pass makes it across its narrowest direction, at least 1.
 }
 
 // How much of a voxel is visible: its share, and where that lies from the voxel's grid point, in voxels.
@@ -131,7 +132,19 @@ fn footprint(x: vec3<f32>, y: vec3<f32>) -> Footprint {
     yy += added;
     determinant = max(determinant + added * (trace + added), TINY);
     let half_width = min(frame.cut_off * sqrt(vec2<f32>(xx, yy)), vec2<f32>(REACH));
-    return Footprint(0.5 * LOG2_E * (yy / determinant), 0.5 * LOG2_E / yy, xy / yy, half_width, 1.0 / sqrt(determinant));
+    let widening = sqrt(max(LOW_PASS * LOW_PASS / max(narrowest, TINY), 1.0));
+    return Footprint(
+        0.5 * LOG2_E * (yy / determinant), 0.5 * LOG2_E / yy, xy / yy, half_width, 1.0 / sqrt(determinant), widening,
+    );
+}
+
+// Returns the footprint of a perspective on the rays of pixels: kernel.rs, on_rays.
+fn on_rays(ellipse: Footprint, square: f32, closeness: f32) -> Footprint {
+    let wider = closeness * ellipse.widening * select(1.0, 2.0, ellipse.widening > 1.0);
+    let half_width = min(ellipse.half_width / (1.0 - min(wider, 0.9)), vec2<f32>(REACH));
+    return Footprint(
+        ellipse.falloff_x * square, ellipse.falloff_y * square, ellipse.shear, half_width, ellipse.density, ellipse.widening,
+    );
 }
 
 // Returns the low `bits` of a word as a signed number, from -largest to largest.
@@ -398,7 +411,7 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
     if frame.is_perspective == 0u {
         x = pixel_position(frame.rows[0], frame.shifts.x, xyz, cover.offset);
         y = pixel_position(frame.rows[1], frame.shifts.y, xyz, cover.offset);
-        ellipse = Footprint(frame.ellipse.x, frame.ellipse.y, frame.ellipse.z, frame.half_width, 1.0);
+        ellipse = Footprint(frame.ellipse.x, frame.ellipse.y, frame.ellipse.z, frame.half_width, 1.0, 1.0);
         if frame.coverage_bits != 0u {
             let widths = widths_of(cover.offset);
             ellipse = footprint(widths * gradient(0u), widths * gradient(1u));
@@ -425,7 +438,10 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
             widths *= widths_of(cover.offset);
         }
         ellipse = footprint(widths * (gradient(0u) - tx * forward), widths * (ty * forward - gradient(1u)));
-        strength *= ellipse.density * sqrt(1.0 + tx * tx + ty * ty) * (closeness * closeness);
+        let along = frame.rays[2].xyz + frame.rays[0].xyz * tx + frame.rays[1].xyz * ty;
+        let square = dot(along, along);
+        ellipse = on_rays(ellipse, square, frame.sigma * frame.cut_off * length(forward) * closeness);
+        strength *= ellipse.density * sqrt(square) * (closeness * closeness);
     }
     let columns = span(x, ellipse.half_width.x, frame.window.x, frame.window.z - 1);
     let rows = span(y, ellipse.half_width.y, 0, i32(frame.picture_rows) - 1);
@@ -434,7 +450,8 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
         return nothing();
     }
     let look = look_of(voxel.record, cover.share);
-    let peak = min(look.w * strength, frame.max_depth);
+    // Its limit is that of a ray: near.wgsl, splat_depth.
+    let peak = look.w * strength;
     if !(peak > 0.0) {
         return nothing();
     }

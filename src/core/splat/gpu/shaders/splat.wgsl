@@ -48,6 +48,6 @@ fn pixel(in: Corner) -> @location(0) vec4<f32> {
     // A voxel near the eye has no footprint.
     let away = in.place.zw + select(at - in.place.xy, vec2<f32>(0.0), HAS_NEAR && in.shape.y < 0.0);
     let of_picture = vec2<i32>(at) + frame.window.xy;
-    let depth = splat_depth(away.x, away.y, in.shape.x, in.shape.y, in.shape.z, in.shape.w, of_picture);
+    let depth = splat_depth(away.x, away.y, in.shape.x, in.shape.y, in.shape.z, in.shape.w, ray_at(of_picture));
     return vec4<f32>(in.colour, 1.0) * select(absorbed(depth), depth, BLEND == ADDITIVE);
 }

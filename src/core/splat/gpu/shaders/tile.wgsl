@@ -55,6 +55,7 @@ var<workgroup> slots: array<u32, BATCH>; // Slots of the splats that are fetched
 var<workgroup> fetched: array<SplatVectors, BATCH>;
 var<workgroup> cell_hits: array<atomic<u32>, CELLS * FETCHED_WORDS>; // Bits of the fetched splats that meet a cell.
 var<private> slice: f32; // In a maximum: the slice of the pixel's sums.
+var<private> ray: Ray; // The pixel's, in other modes.
 
 // Returns the pixel after a splat that absorbs, or in an additive mode adds, this amount.
 fn blend(pixel: vec4<f32>, colour: vec3<f32>, amount: f32) -> vec4<f32> {
@@ -121,7 +122,7 @@ fn from_centre(s: SplatVectors, at: vec2<i32>) -> vec2<f32> {
 // Returns a splat's optical depth at the pixel `at`.
 fn depth_of(s: SplatVectors, at: vec2<i32>) -> f32 {
     let away = from_centre(s, at);
-    return splat_depth(away.x, away.y, s.shape.x, s.shape.y, s.shape.z, s.shape.w, at);
+    return splat_depth(away.x, away.y, s.shape.x, s.shape.y, s.shape.z, s.shape.w, ray);
 }
 
 // Returns the pixel of a maximum after a splat.
@@ -229,6 +230,9 @@ fn tile(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
         pixel = pixels[index];
     }
     slice = f32(chunk.from_slice);
+    if BLEND != MAXIMUM {
+        ray = ray_at(at);
+    }
     let row = (group.y * frame.tile_columns + group.x) * frame.mask_words;
     let summaries = (chunk.slot_count + 1024u * BATCH - 1u) / (1024u * BATCH);
     var mask_place = MaskPlace(NO_BATCH, 0u, 0u, 0u, 0u);
