@@ -146,7 +146,7 @@ fn place_and_shade(projector: &Projector, block: &mut Block, splats: &mut Splats
         let j = usize::from(splats.kept[k]) % BLOCK;
         splats.looks[k] = block.looks[j];
     }
-    splats.apply_strengths(projector.is_perspective());
+    splats.apply_strengths();
     if let Some(lights) = &projector.lights {
         let mut normals = [[0.0f32; BLOCK]; 3];
         if block.coded {

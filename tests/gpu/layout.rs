@@ -60,7 +60,7 @@ fn shaders_and_rust_lay_records_out_alike() {
         ),
         ("Chunk", fields!(Chunk: first_block slot_count index is_first from_slice to_slice)),
         ("VisitedVoxel", fields!(VisitedVoxel: xy z_coverage record padding)),
-        ("Splat", fields!(Splat: columns rows corner_x corner_y falloff_x falloff_y shear peak red green blue padding)),
+        ("Splat", fields!(Splat: columns rows corner_x corner_y falloff_x falloff_y shear peak red green blue on_rays)),
     ];
     for (stage, _) in SHADERS {
         let module = module(stage);

@@ -191,8 +191,8 @@ pub(crate) struct Footprint {
     pub(crate) ellipse: Ellipse,
     /// `1 / sqrt |V|`: pi over the area of the one-sigma ellipse in square pixels.
     pub(crate) density: f32,
-    /// How many times as wide the low-pass makes it across its narrowest direction, at least 1.
-    pub(crate) widening: f32,
+    /// Whether the low-pass has widened it.
+    pub(crate) is_widened: bool,
 }
 
 /// A footprint's covariance on the screen before the low-pass, in square pixels.
@@ -240,26 +240,27 @@ pub(crate) fn footprint(rows: [[f32; 3]; 2], sigma: f32, cut_off: f32) -> Footpr
         half_x: at_most(cut_off * xx.sqrt(), REACH),
         half_y: at_most(cut_off * yy.sqrt(), REACH),
     };
-    let widening = at_least(LOW_PASS * LOW_PASS / at_least(smaller_eigenvalue, f32::MIN_POSITIVE), 1.0).sqrt();
-    Footprint { ellipse, density: 1.0 / determinant.sqrt(), widening }
+    Footprint { ellipse, density: 1.0 / determinant.sqrt(), is_widened: added > 0.0 }
 }
 
 impl Footprint {
-    /// Returns the footprint of a perspective on the rays of pixels: its exponent is to be divided by the square of the length of a pixel's
-    /// direction, as the kernel's distance from the ray is. `square`: that square on the ray through the centre; `closeness`: the
-    /// kernel's radius over its distance from the eye's plane, in voxels.
+    /// Returns the footprint of a perspective.
     ///
-    /// On that ray it is the footprint. Beside it, the exponent grows more slowly where directions are longer, so the box is larger. For
-    /// a kernel that is not widened, the box holds the cone of the rays that meet the ball of its radius.
+    /// If it is not widened, it is *on rays*: its exponent is to be divided by the square of the length of a pixel's direction, and its
+    /// density is to be multiplied by the ray's stretch. On the ray through the centre that changes nothing. Beside it the exponent grows
+    /// more slowly where directions are longer, so the box is larger: it holds the cone of the rays that meet the kernel's ball. A
+    /// footprint that is widened is as narrow as the low-pass, and all its rays are alike.
+    ///
+    /// `square`: that of the direction's length on the ray through the centre; `slant`: that ray's length in the world for a unit forward;
+    /// `closeness`: the kernel's radius over its distance from the eye's plane, below 1.
     #[inline(always)]
-    pub(crate) fn on_rays(self, square: f32, closeness: f32) -> Footprint {
-        /// The most of a box's half-width that is due to the perspective.
-        const MOST: f32 = 0.9;
-        let Footprint { ellipse: Ellipse { u_factor, y_factor, shear, half_x, half_y }, density, widening } = self;
-        let wider = closeness * widening * if widening > 1.0 { 2.0 } else { 1.0 };
-        let [half_x, half_y] = [half_x, half_y].map(|half| at_most(half / (1.0 - at_most(wider, MOST)), REACH));
+    pub(crate) fn in_perspective(self, square: f32, slant: f32, closeness: f32) -> Footprint {
+        let Footprint { ellipse: Ellipse { u_factor, y_factor, shear, half_x, half_y }, density, is_widened } = self;
+        let [square, length, wider] =
+            if is_widened { [1.0, slant, 1.0] } else { [square, square.sqrt(), 1.0 / (1.0 - closeness)] };
+        let [half_x, half_y] = [half_x, half_y].map(|half| at_most(half * wider, REACH));
         let ellipse = Ellipse { u_factor: u_factor * square, y_factor: y_factor * square, shear, half_x, half_y };
-        Footprint { ellipse, density, widening }
+        Footprint { ellipse, density: density * length, is_widened }
     }
 }
 

@@ -246,11 +246,9 @@ impl View {
                     let [x, y, z] = self.steps;
                     let longest = radius * (x * x + y * y + z * z).sqrt();
                     let half_width = focal * longest / depths[0] * (1.0 + tangent * tangent).sqrt();
-                    // What the perspective adds to boxes (`Footprint::on_rays`): to those of narrow footprints by their width, which is
-                    // that of the low-pass for the shortest step, at any distance.
-                    let narrow = 2.0 * LOW_PASS_REACH * length(forward) / (focal * x.min(y).min(z));
-                    let wider = (self.reach / depths[0]).max(narrow).min(0.9);
-                    add(across, above, (half_width + LOW_PASS_REACH) / (1.0 - wider));
+                    // What the perspective adds to boxes: `Footprint::in_perspective`.
+                    let half_width = half_width / (1.0 - self.reach / depths[0]);
+                    add(across, above, half_width + LOW_PASS_REACH);
                 }
                 Some([columns[0], columns[1], rows[0], rows[1]])
             }

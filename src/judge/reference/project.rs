@@ -6,8 +6,8 @@
 //! pixel   += transmittance * (1 - exp(-depth)) * colour
 //! ```
 //!
-//! In a perspective, let D be the direction of the ray through a pixel, in voxels, one unit forward. Both depend on its length
-//! ([`EyeRays`]):
+//! In a perspective, let D be the direction of the ray through a pixel, in voxels, one unit forward ([`EyeRays`]). Where the low-pass adds
+//! nothing, the depth is the kernel's integral along the ray:
 //!
 //! ```text
 //! x^T V^-1 x is multiplied by |D at the centre|^2 / |D|^2
@@ -46,6 +46,8 @@ struct SplatCovariance {
     xy: f64,
     yy: f64,
     determinant: f64,
+    /// Whether the low-pass filter has widened it.
+    is_widened: bool,
 }
 
 impl SplatCovariance {
@@ -60,7 +62,8 @@ impl SplatCovariance {
         let widest = (xx + yy) / 2.0 + ((xx - yy) / 2.0).hypot(xy);
         let narrowest = if widest > 0.0 { determinant / widest } else { 0.0 };
         let added = (f64::from(LOW_PASS).powi(2) - narrowest).max(0.0);
-        SplatCovariance { xx: xx + added, xy, yy: yy + added, determinant: determinant + added * (xx + yy + added) }
+        let determinant = determinant + added * (xx + yy + added);
+        SplatCovariance { xx: xx + added, xy, yy: yy + added, determinant, is_widened: added > 0.0 }
     }
 }
 
@@ -98,8 +101,8 @@ impl<'a> SplatProjector<'a> {
         }
     }
 
-    /// Returns a footprint's centre and covariance, and the pixels per mean area across the ray; in a perspective, over the stretch of
-    /// the ray through the centre. `None` if the voxel is too near the eye for a footprint.
+    /// Returns a footprint's centre and covariance, and the pixels per mean area across the ray; `None` if the voxel is
+    /// too near the eye for a footprint.
     fn project(&self, voxel: &ReferenceVoxel) -> Option<([f64; 2], SplatCovariance, f64)> {
         let [x, y, z] = voxel.position.map(f64::from);
         let at = |m: &Affine| m[0] * x + m[1] * y + m[2] * z + m[3];
@@ -122,8 +125,7 @@ impl<'a> SplatProjector<'a> {
                 // A pixel's solid angle is cos^3 / focal^2; the voxel is at the distance t2 / cos.
                 let slant = (1.0 + across * across + above * above).sqrt();
                 let centre = [centre[0] + focal * across, centre[1] - focal * above];
-                let stretch = self.rays.as_ref()?.lengths(centre)[1];
-                Some((centre, SplatCovariance::new(jacobian, self.settings.sigma), scale * scale * slant / stretch))
+                Some((centre, SplatCovariance::new(jacobian, self.settings.sigma), scale * scale * slant))
             }
             (PixelMap::Parallel { .. }, None) => None,
         }
@@ -131,7 +133,7 @@ impl<'a> SplatProjector<'a> {
 
     pub(super) fn splat(&self, voxel: &ReferenceVoxel, band: &mut PixelRows) {
         let Some(([x, y], footprint, density)) = self.project(voxel) else { return self.splat_near(voxel, band) };
-        let SplatCovariance { xx, xy, yy, determinant } = footprint;
+        let SplatCovariance { xx, xy, yy, determinant, is_widened } = footprint;
         // The weight at the centre of a footprint, scaled so that the weights of a layer of voxels add up to 1.
         let weight = self.strength * density / determinant.sqrt();
         let is_visible = self.peak(voxel, weight) > 0.0;
@@ -139,15 +141,17 @@ impl<'a> SplatProjector<'a> {
             return;
         }
         let colour = self.colour(voxel);
-        // For a pixel: by what the exponent is multiplied, and the stretch of its ray.
+        let rays = self.rays.as_ref().filter(|_| !is_widened);
+        // For a pixel: by what the exponent and the depth at the centre are multiplied.
         let on_ray = |column: usize, row: usize| {
-            let Some(rays) = &self.rays else { return [1.0; 2] };
-            let [[here, stretch], [there, _]] = [[column as f64, row as f64], [x, y]].map(|at| rays.lengths(at));
-            [(there / here).powi(2), stretch]
+            let Some(rays) = rays else { return [1.0; 2] };
+            let [[here, stretch], [there, at_centre]] =
+                [[column as f64, row as f64], [x, y]].map(|place| rays.lengths(place));
+            [(there / here).powi(2), stretch / at_centre]
         };
         let cut = self.settings.cut_off * self.settings.cut_off;
-        // Exponents are convex in a parallel view. In a perspective they are divided by a convex square.
-        let widest = match &self.rays {
+        // The square of a direction's length is convex: it is largest in a corner.
+        let widest = match rays {
             None => 1.0,
             Some(_) => {
                 let last = [band.columns - 1, band.first_row + band.rows() - 1];

@@ -31,7 +31,7 @@ const EMPTY: Splat = Splat {
     red: 0.0,
     green: 0.0,
     blue: 0.0,
-    padding: 0,
+    on_rays: 0.0,
 };
 
 fn low_half(word: u32) -> i32 {

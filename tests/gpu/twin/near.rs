@@ -13,13 +13,16 @@ pub(crate) fn splat_depth(frame: &FrameUniform, splat: &Splat, [x, y]: [i32; 2])
     let dx = splat.corner_x + (x - low_half(splat.columns)) as f32;
     let dy = splat.corner_y + (y - low_half(splat.rows)) as f32;
     let u = dx - splat.shear * dy;
-    let q = (splat.falloff_x * (u * u) + splat.falloff_y * (dy * dy)) * ray.per_square;
-    if q <= frame.cut_exponent { (splat.peak * ray.stretch).min(frame.max_depth) * (-q).exp2() } else { 0.0 }
+    let (mut q, mut peak) = (splat.falloff_x * (u * u) + splat.falloff_y * (dy * dy), splat.peak);
+    if splat.on_rays == 1.0 {
+        (q, peak) = (q * ray.per_square, (peak * ray.stretch).min(frame.max_depth));
+    }
+    if q <= frame.cut_exponent { peak * (-q).exp2() } else { 0.0 }
 }
 
 /// The ray of a pixel.
 struct Ray {
-    /// Unit vector in voxel coordinates; 0 in a parallel view.
+    /// Unit vector in voxel coordinates.
     direction: [f32; 3],
     /// One over the square of the direction's length before.
     per_square: f32,
@@ -27,9 +30,6 @@ struct Ray {
 }
 
 fn ray_at(frame: &FrameUniform, [x, y]: [i32; 2]) -> Ray {
-    if frame.is_perspective == 0 {
-        return Ray { direction: [0.0; 3], per_square: 1.0, stretch: 1.0 };
-    }
     let tangent = [x as f32 - frame.centre[0], y as f32 - frame.centre[1]].map(|at| at / frame.focal);
     let [right, up, forward] = frame.rays;
     let along = [0, 1, 2].map(|a| forward[a] + right[a] * tangent[0] - up[a] * tangent[1]);

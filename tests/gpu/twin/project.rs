@@ -45,7 +45,7 @@ struct Footprint {
     shear: f32,
     half_width: [f32; 2],
     density: f32,
-    widening: f32,
+    is_on_rays: bool,
 }
 
 /// Computes the splat of each voxel, in a maximum its value and place; returns how many are drawn.
@@ -170,17 +170,20 @@ fn footprint(frame: &FrameUniform, x: [f32; 3], y: [f32; 3]) -> Footprint {
         shear: xy / yy,
         half_width: [xx, yy].map(|variance| (frame.cut_off * variance.sqrt()).min(REACH)),
         density: 1.0 / determinant.sqrt(),
-        widening: (LOW_PASS * LOW_PASS / narrowest.max(f32::MIN_POSITIVE)).max(1.0).sqrt(),
+        is_on_rays: added == 0.0,
     }
 }
 
-/// Returns the footprint of a perspective on the rays of pixels.
-fn on_rays(ellipse: Footprint, square: f32, closeness: f32) -> Footprint {
-    let wider = closeness * ellipse.widening * if ellipse.widening > 1.0 { 2.0 } else { 1.0 };
+/// Returns the footprint of a perspective.
+fn in_perspective(ellipse: Footprint, square: f32, slant: f32, closeness: f32) -> Footprint {
+    if !ellipse.is_on_rays {
+        return Footprint { density: ellipse.density * slant, ..ellipse };
+    }
     Footprint {
         falloff_x: ellipse.falloff_x * square,
         falloff_y: ellipse.falloff_y * square,
-        half_width: ellipse.half_width.map(|half| (half / (1.0 - wider.min(0.9))).min(REACH)),
+        half_width: ellipse.half_width.map(|half| (half / (1.0 - closeness)).min(REACH)),
+        density: ellipse.density * square.sqrt(),
         ..ellipse
     }
 }
@@ -366,7 +369,7 @@ fn near_splat(
         red,
         green,
         blue,
-        padding: 0,
+        on_rays: 0.0,
     }
 }
 
@@ -426,7 +429,7 @@ fn value_splat(frame: &FrameUniform, voxel: &VisitedVoxel, xyz: [u32; 3], share:
         red: place[0],
         green: closeness,
         blue: 0.0,
-        padding: 0,
+        on_rays: 0.0,
     }
 }
 
@@ -450,10 +453,10 @@ fn splat_of(frame: &FrameUniform, is_maximum: bool, voxel: &VisitedVoxel, channe
         y = pixel_position(&frame.rows[1], frame.shifts[1], xyz, cover.offset);
         let [falloff_x, falloff_y, shear, _] = frame.ellipse;
         ellipse = if frame.coverage_bits == 0 {
-            Footprint { falloff_x, falloff_y, shear, half_width: frame.half_width, density: 1.0, widening: 1.0 }
+            Footprint { falloff_x, falloff_y, shear, half_width: frame.half_width, density: 1.0, is_on_rays: false }
         } else {
             let [x, y] = widened(frame, cover.offset, [gradient(frame, 0), gradient(frame, 1)]);
-            footprint(frame, x, y)
+            Footprint { is_on_rays: false, ..footprint(frame, x, y) }
         };
         strength *= ellipse.density;
     } else {
@@ -474,8 +477,9 @@ fn splat_of(frame: &FrameUniform, is_maximum: bool, voxel: &VisitedVoxel, channe
         let square = dot(along, along);
         let forward = gradient(frame, 2);
         let reach = frame.sigma * frame.cut_off * dot(forward, forward).sqrt();
-        ellipse = on_rays(footprint(frame, across, down), square, reach * closeness);
-        strength *= ellipse.density * square.sqrt() * (closeness * closeness);
+        let slant = (1.0 + tx * tx + ty * ty).sqrt();
+        ellipse = in_perspective(footprint(frame, across, down), square, slant, reach * closeness);
+        strength *= ellipse.density * (closeness * closeness);
     }
     let [x0, y0, x1, y1] = frame.window;
     let columns = span(x, ellipse.half_width[0], x0, x1 - 1);
@@ -487,6 +491,7 @@ fn splat_of(frame: &FrameUniform, is_maximum: bool, voxel: &VisitedVoxel, channe
     }
     let [red, green, blue, depth] = look_of(frame, channels, voxel.record, cover.share);
     let peak = depth * strength;
+    let peak = if ellipse.is_on_rays { peak } else { peak.min(frame.max_depth) };
     if peak <= 0.0 || peak.is_nan() {
         return EMPTY;
     }
@@ -503,6 +508,6 @@ fn splat_of(frame: &FrameUniform, is_maximum: bool, voxel: &VisitedVoxel, channe
         red: colour[0],
         green: colour[1],
         blue: colour[2],
-        padding: 0,
+        on_rays: f32::from(ellipse.is_on_rays),
     }
 }

@@ -6,7 +6,7 @@
 
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
 use super::lattice::{Footprints, Lattice, TileRays};
-use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pixel_span, strength_on_rays, widened};
+use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pixel_span, slant, widened};
 use super::scatter::maximum::{Rays, advance};
 use super::splats::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, combine, full_rect};
@@ -139,7 +139,7 @@ pub(super) fn draw_on_lattice<B: Blend>(
     Ok((kept, BandStats::of(&bands)))
 }
 
-/// What a voxel adds to pixels: the kernel's footprint, or if it is near the eye, its depth along each ray.
+/// What a voxel adds to pixels: the kernel's footprint (with a view if it is on rays), or if it is near the eye, its depth along each ray.
 enum Splat<'a> {
     Footprint { kernel: SplatKernel, view: Option<&'a NearView> },
     Near { view: &'a NearView, kernel: NearKernel, depth: f32 },
@@ -272,8 +272,7 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize,
         let ((x, offset_x), (y, offset_y)) = (nearest_pixel(column), nearest_pixel(row));
         Centre { x, y, offset_x, offset_y }
     };
-    let footprint_at = |centre: Centre, ellipse: Ellipse, strength: f32| {
-        let view = projector.near.as_ref();
+    let footprint_at = |centre: Centre, ellipse: Ellipse, strength: f32, view: Option<&'a NearView>| {
         let peak = if view.is_some() { depth * strength } else { limited(depth, strength) };
         let splat = Splat::Footprint { kernel: SplatKernel { centre, ellipse, cut: projector.cut, peak }, view };
         (strength > 0.0 && peak > 0.0).then_some(splat)
@@ -282,7 +281,7 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize,
         PixelMap::Parallel { pixel_from_voxel: [column, row], .. } => {
             let alike = (projector.ellipse, projector.strength);
             let (ellipse, strength) = projector.shapes.as_ref().map_or(alike, |shapes| shapes[shape]);
-            footprint_at(centre(affine(column), affine(row)), ellipse, strength)
+            footprint_at(centre(affine(column), affine(row)), ellipse, strength, None)
         }
         PixelMap::Perspective { camera_from_voxel, focal, centre: [middle_x, middle_y], near: far } => {
             let [t0, t1, t2] = camera_from_voxel.map(|map| affine(&map));
@@ -301,11 +300,12 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize,
             let rows = jacobian(&camera_from_voxel.each_ref().map(single), tan_x, tan_y, *focal as f32 * nearness);
             let rows = if projector.is_on_grid() { rows } else { widened(rows, projector.widths.of(shape)) };
             let rays = projector.near.as_ref()?;
-            let square = rays.square(tan_x, tan_y);
-            let footprint = footprint(rows, projector.sigma, projector.cut_off)
-                .on_rays(square, projector.reach_forward(rays) * nearness);
-            let strength = strength_on_rays(projector.strength, footprint.density, square, nearness);
-            footprint_at(centre(middle_x + focal * right, middle_y - focal * up), footprint.ellipse, strength)
+            let (square, closeness) = (rays.square(tan_x, tan_y), projector.reach_forward(rays) * nearness);
+            let footprint = footprint(rows, projector.sigma, projector.cut_off);
+            let footprint = footprint.in_perspective(square, slant(tan_x, tan_y), closeness);
+            let strength = projector.strength * footprint.density * (nearness * nearness);
+            let rays = (!footprint.is_widened).then_some(rays);
+            footprint_at(centre(middle_x + focal * right, middle_y - focal * up), footprint.ellipse, strength, rays)
         }
     }
 }

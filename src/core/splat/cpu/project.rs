@@ -153,7 +153,7 @@ impl<'a> Projector<'a> {
         self.cull(voxels.count, self.in_clip(voxels), out, tiles);
         let Splats { count, kept, looks, .. } = out;
         self.colour(voxels, &kept[..*count], looks);
-        out.apply_strengths(self.is_perspective());
+        out.apply_strengths();
     }
 
     /// Returns whether voxels lie on points of the grid, and not at the mean of what is visible of a block.
@@ -239,9 +239,10 @@ impl<'a> Projector<'a> {
                     Some(shapes) => widened(rows, self.widths.of(shapes[from + j].into())),
                 };
                 let square = rays.square(tan_x, tan_y);
-                let Footprint { ellipse, density, .. } =
-                    footprint(rows, sigma, cut_off).on_rays(square, reach * nearness);
-                let strength = keep_if(in_front, strength_on_rays(strength, density, square, nearness));
+                let Footprint { ellipse, density, is_widened } =
+                    footprint(rows, sigma, cut_off).in_perspective(square, slant(tan_x, tan_y), reach * nearness);
+                let strength = keep_if(in_front, strength * density * (nearness * nearness));
+                part.on_rays[j] = !is_widened;
                 part.set(j, [centre_x + focal * tan_right, centre_y - focal * tan_up], &ellipse, strength);
             }
             part.copy_to(from, &mut out.places);
@@ -297,7 +298,7 @@ impl<'a> Projector<'a> {
                 for (extents, [low, high]) in [(&mut places.x, kernel.columns), (&mut places.y, kernel.rows)] {
                     (extents.nearest[j], extents.low[j], extents.high[j]) = (low, low, high);
                 }
-                places.strength[j] = 1.0;
+                (places.strength[j], places.on_rays[j]) = (1.0, false);
                 near.push((j as u8, kernel));
             }
         }
@@ -381,6 +382,7 @@ impl SplatPlaces<VECTOR_WIDTH> {
             out[from..from + VECTOR_WIDTH].copy_from_slice(part);
         }
         out.strength[from..from + VECTOR_WIDTH].copy_from_slice(&self.strength);
+        out.on_rays[from..from + VECTOR_WIDTH].copy_from_slice(&self.on_rays);
     }
 }
 
@@ -400,17 +402,17 @@ pub(super) fn affine_at(map: &Affine, [slow, medium, fast]: [f64; 3]) -> f64 {
 }
 
 impl Splats {
-    /// Turns each kept splat's optical depth per mean spacing into that at the splat's centre; in a perspective, over the stretch of the
-    /// ray. That of a voxel near the eye stays.
+    /// Turns each kept splat's optical depth per mean spacing into that at the splat's centre; on rays, over the stretch of the ray. That
+    /// of a voxel near the eye stays.
     #[inline(always)]
-    pub fn apply_strengths(&mut self, is_perspective: bool) {
+    pub fn apply_strengths(&mut self) {
         for k in 0..self.count {
             let j = usize::from(self.kept[k]) % BLOCK;
             let strength = self.places.strength[j];
-            if !is_perspective {
-                self.looks[k][3] = limited(self.looks[k][3], strength);
-            } else if self.near(j).is_none() {
+            if self.places.on_rays[j] {
                 self.looks[k][3] *= strength;
+            } else if self.near(j).is_none() {
+                self.looks[k][3] = limited(self.looks[k][3], strength);
             }
         }
     }
@@ -443,12 +445,11 @@ pub(in super::super) fn widened(rows: [[f32; 3]; 2], widths: [f32; 3]) -> [[f32;
     rows.map(|[x, y, z]| [x * widths[0], y * widths[1], z * widths[2]])
 }
 
-/// Returns the peak of a splat of optical depth 1 in a perspective, over the stretch of a ray. In the world, the area of a pixel
-/// perpendicular to its ray is `depth^2 / (slant * focal^2)`, where the slant is the length of the ray for a unit forward; and its
-/// stretch is the slant over the root of `square`, which belongs to the ray through the voxel.
+/// Returns the length of a ray divided by its length along the view axis. In the world, the area of a pixel
+/// perpendicular to its ray is `depth^2 / (slant * focal^2)`.
 #[inline(always)]
-pub(super) fn strength_on_rays(strength: f32, density: f32, square: f32, nearness: f32) -> f32 {
-    strength * density * square.sqrt() * (nearness * nearness)
+pub(super) fn slant(tan_x: f32, tan_y: f32) -> f32 {
+    (1.0 + tan_x * tan_x + tan_y * tan_y).sqrt()
 }
 
 /// Returns the pixel nearest to a coordinate, limited to +-1e9 pixels, and the coordinate minus that pixel.

@@ -45,12 +45,20 @@ pub(super) struct SplatPlaces<const N: usize> {
     pub(super) ellipses: [[f32; N]; 3],
     /// The peak of a splat of optical depth 1.
     pub(super) strength: [f32; N],
+    /// Whether a splat is on rays (`Footprint::in_perspective`): its numbers are for rays of length and stretch 1.
+    pub(super) on_rays: [bool; N],
 }
 
 impl<const N: usize> SplatPlaces<N> {
     #[inline(always)]
     pub(super) fn new() -> SplatPlaces<N> {
-        SplatPlaces { x: Extents::new(), y: Extents::new(), ellipses: [[0.0; N]; 3], strength: [0.0; N] }
+        SplatPlaces {
+            x: Extents::new(),
+            y: Extents::new(),
+            ellipses: [[0.0; N]; 3],
+            strength: [0.0; N],
+            on_rays: [false; N],
+        }
     }
 }
 
@@ -99,6 +107,12 @@ impl Splats {
         self.near.get(index).map(|(_, kernel)| kernel)
     }
 
+    /// Returns whether splat `j` is on rays.
+    #[inline(always)]
+    pub(super) fn is_on_rays(&self, j: usize) -> bool {
+        self.places.on_rays[j]
+    }
+
     #[inline(always)]
     pub(super) fn centre(&self, j: usize) -> Centre {
         let SplatPlaces { x, y, .. } = &self.places;
@@ -135,7 +149,7 @@ pub(super) struct TileRow {
 }
 
 impl SplatKernel {
-    /// Returns the optical depth at a pixel, in units of ln 2; `view` gives the rays of a perspective.
+    /// Returns the optical depth at a pixel, in units of ln 2; `view` has the rays if the splat is on rays.
     pub(super) fn depth(&self, x: i32, y: i32, view: Option<&NearView>) -> f32 {
         let root = self.ellipse.u_factor.sqrt();
         let first_row = ((y & !3) - self.centre.y) as f32;
@@ -163,7 +177,7 @@ impl SplatKernel {
         keep_if(q <= self.cut, self.peak * exp2_neg(q))
     }
 
-    /// Returns the optical depth on a ray of a perspective.
+    /// Returns the optical depth on a ray.
     #[inline(always)]
     fn depth_on_ray(&self, first_column: f32, distance: f32, exponent: f32, [per_square, stretch]: [f32; 2]) -> f32 {
         let u = first_column + distance;
@@ -192,7 +206,7 @@ impl SplatKernel {
         depths
     }
 
-    /// Returns the optical depths on the rays of a tile's pixels, in a perspective.
+    /// Returns the optical depths of a splat that is on rays.
     #[inline(always)]
     pub(super) fn depths_on_rays(
         &self,

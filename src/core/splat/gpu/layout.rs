@@ -133,7 +133,7 @@ pub struct Splat {
     pub red: f32,
     pub green: f32,
     pub blue: f32,
-    pub padding: u32,
+    pub on_rays: f32,
 }
 
 impl AffineRow {

@@ -40,7 +40,7 @@ pub(in super::super) fn draw<B: Blend>(
             continue;
         }
         let kernel = SplatKernel { centre: splats.centre(j), ellipse: splats.ellipse(j), cut, peak };
-        match near {
+        match near.filter(|_| splats.is_on_rays(j)) {
             None if peak <= SMALL_DEPTH => draw_splat::<B, true>(tiles, &kernel, place, colour, stop),
             None => draw_splat::<B, false>(tiles, &kernel, place, colour, stop),
             Some(view) if peak * view.most_stretch <= SMALL_DEPTH => {
@@ -83,7 +83,7 @@ fn draw_splat<B: Blend, const IS_SMALL: bool>(
     }
 }
 
-/// Draws a splat of a perspective in the same way; with `IS_SMALL`, its depth on any ray is up to [`SMALL_DEPTH`].
+/// Draws a splat that is on rays in the same way; with `IS_SMALL`, its depth on any ray is up to [`SMALL_DEPTH`].
 #[inline(always)]
 fn draw_on_rays<B: Blend, const IS_SMALL: bool>(
     tiles: &mut TileBuffer,

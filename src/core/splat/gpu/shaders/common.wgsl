@@ -104,23 +104,22 @@ struct Splat {
     // `falloff_x` are the voxel minus the eye in voxel coordinates, and `shear` is the kernel at the eye over its peak.
     corner_x: f32, // From the centre to the first column, in pixels.
     corner_y: f32, // From the centre to the first row, in pixels.
-    // Exponent per squared pixel of distance from the ridge along a row, in units of ln 2; in perspective, of a ray of length 1.
-    falloff_x: f32,
+    falloff_x: f32, // Exponent per squared pixel of distance from the ridge along a row, in units of ln 2.
     falloff_y: f32, // Exponent per squared pixel from row to row, in units of ln 2.
     shear: f32, // By how many columns the ellipse's ridge moves per row.
-    // Optical depth at the centre in units of ln 2; in perspective, on a ray of stretch 1. Of a voxel near the eye: that of the voxel.
+    // Optical depth at the centre in units of ln 2. Of a voxel near the eye: that of the voxel.
     peak: f32,
     red: f32, // Linear colour, lit.
     green: f32,
     blue: f32,
-    padding: u32, // The struct consists of whole vectors.
+    on_rays: f32, // 1 if the footprint is on rays, so that it is for rays of length and stretch 1; else 0.
 }
 
 // A Splat in a buffer: as vectors, each of which a card moves at once.
 struct SplatVectors {
     place: vec4<u32>, // `columns`, `rows`, `corner_x` and `corner_y`.
     shape: vec4<f32>, // `falloff_x`, `falloff_y`, `shear` and `peak`.
-    colour: vec4<f32>, // `red`, `green` and `blue`.
+    colour: vec4<f32>, // `red`, `green`, `blue` and `on_rays`.
 }
 
 const BATCH: u32 = 256u; // Number of splats of a batch, and of invocations of a workgroup.

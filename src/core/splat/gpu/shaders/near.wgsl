@@ -8,15 +8,15 @@ override HAS_NEAR: bool = true;
 
 // The ray of a pixel.
 struct Ray {
-    direction: vec3<f32>, // Unit vector in voxel coordinates; 0 in a parallel view.
-    per_square: f32, // One over the square of the direction's length before; 1 in a parallel view, as the stretch.
+    direction: vec3<f32>, // Unit vector in voxel coordinates.
+    per_square: f32, // One over the square of the direction's length before.
     stretch: f32, // Length in mean spacings for that length in voxel coordinates.
 }
 
-// Returns the ray of the pixel `at`.
+// Returns the ray of the pixel `at` in a perspective view; of no use in a parallel one.
 fn ray_at(at: vec2<i32>) -> Ray {
     if frame.is_perspective == 0u {
-        return Ray(vec3<f32>(0.0), 1.0, 1.0);
+        return Ray();
     }
     let tangent = (vec2<f32>(at) - frame.centre) / frame.focal;
     let along = frame.rays[2].xyz + frame.rays[0].xyz * tangent.x - frame.rays[1].xyz * tangent.y;
@@ -47,13 +47,18 @@ fn near_depth(offset: vec3<f32>, at_eye: f32, peak: f32, ray: Ray) -> f32 {
     return min(peak * (frame.rays[2].w * ray.stretch), frame.max_depth) * weight;
 }
 
-// Returns a splat's optical depth on a pixel's ray, in units of ln 2; 0 outside its kernel. `dx`, `dy`: from the centre of its
-// footprint to the pixel. Of a voxel near the eye, the numbers are as project.wgsl stores them.
-fn splat_depth(dx: f32, dy: f32, falloff_x: f32, falloff_y: f32, shear: f32, peak: f32, ray: Ray) -> f32 {
-    if HAS_NEAR && falloff_y < 0.0 {
-        return near_depth(vec3<f32>(dx, dy, falloff_x), shear, peak, ray);
+// Returns a splat's optical depth at a pixel, in units of ln 2; 0 outside its kernel. `away`: from the centre of its footprint to the
+// pixel; of a voxel near the eye as in Splat. `shape`: as in SplatVectors.
+fn splat_depth(away: vec2<f32>, shape: vec4<f32>, on_rays: f32, ray: Ray) -> f32 {
+    if HAS_NEAR && shape.y < 0.0 {
+        return near_depth(vec3<f32>(away, shape.x), shape.z, shape.w, ray);
     }
-    let u = dx - shear * dy;
-    let q = (falloff_x * (u * u) + falloff_y * (dy * dy)) * ray.per_square;
-    return select(0.0, min(peak * ray.stretch, frame.max_depth) * exp2(-q), q <= frame.cut_exponent);
+    let u = away.x - shape.z * away.y;
+    var q = shape.x * (u * u) + shape.y * (away.y * away.y);
+    var peak = shape.w;
+    if on_rays == 1.0 {
+        q *= ray.per_square;
+        peak = min(peak * ray.stretch, frame.max_depth);
+    }
+    return select(0.0, peak * exp2(-q), q <= frame.cut_exponent);
 }

@@ -43,7 +43,7 @@ struct Footprint {
     shear: f32,
     half_width: vec2<f32>,
     density: f32, // pi divided by the area of the one-sigma ellipse, in 1 / square pixels.
-    widening: f32, // How many times as wide the low-pass makes it across its narrowest direction, at least 1.
+    on_rays: f32, // 1 if it is on rays: kernel.rs, in_perspective; else 0.
 }
 
 // How much of a voxel is visible: its share, and where that lies from the voxel's grid point, in voxels.
@@ -132,18 +132,22 @@ fn footprint(x: vec3<f32>, y: vec3<f32>) -> Footprint {
     yy += added;
     determinant = max(determinant + added * (trace + added), TINY);
     let half_width = min(frame.cut_off * sqrt(vec2<f32>(xx, yy)), vec2<f32>(REACH));
-    let widening = sqrt(max(LOW_PASS * LOW_PASS / max(narrowest, TINY), 1.0));
     return Footprint(
-        0.5 * LOG2_E * (yy / determinant), 0.5 * LOG2_E / yy, xy / yy, half_width, 1.0 / sqrt(determinant), widening,
+        0.5 * LOG2_E * (yy / determinant), 0.5 * LOG2_E / yy, xy / yy, half_width, 1.0 / sqrt(determinant),
+        select(0.0, 1.0, added == 0.0),
     );
 }
 
-// Returns the footprint of a perspective on the rays of pixels: kernel.rs, on_rays.
-fn on_rays(ellipse: Footprint, square: f32, closeness: f32) -> Footprint {
-    let wider = closeness * ellipse.widening * select(1.0, 2.0, ellipse.widening > 1.0);
-    let half_width = min(ellipse.half_width / (1.0 - min(wider, 0.9)), vec2<f32>(REACH));
+// Returns the footprint of a perspective: kernel.rs, in_perspective.
+fn in_perspective(ellipse: Footprint, square: f32, slant: f32, closeness: f32) -> Footprint {
+    if ellipse.on_rays == 0.0 {
+        return Footprint(
+            ellipse.falloff_x, ellipse.falloff_y, ellipse.shear, ellipse.half_width, ellipse.density * slant, 0.0,
+        );
+    }
+    let half_width = min(ellipse.half_width / (1.0 - closeness), vec2<f32>(REACH));
     return Footprint(
-        ellipse.falloff_x * square, ellipse.falloff_y * square, ellipse.shear, half_width, ellipse.density, ellipse.widening,
+        ellipse.falloff_x * square, ellipse.falloff_y * square, ellipse.shear, half_width, ellipse.density * sqrt(square), 1.0,
     );
 }
 
@@ -236,7 +240,7 @@ fn span(centre: PixelPosition, half_width: f32, low: i32, high: i32) -> vec2<i32
 }
 
 fn nothing() -> Splat {
-    return Splat(NOTHING, NOTHING, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0u);
+    return Splat(NOTHING, NOTHING, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
 }
 
 // Returns the lit colour of a voxel.
@@ -329,7 +333,7 @@ fn near_splat(voxel: VisitedVoxel, xyz: vec3<u32>, cover: Coverage, depth: f32) 
     let colour = colour_of(voxel, xyz, look.xyz);
     return Splat(
         u32(columns.x) | (u32(columns.y) << 16u), u32(rows.x) | (u32(rows.y) << 16u),
-        offset.x, offset.y, offset.z, NEAR_SPLAT, at_eye, look.w, colour.x, colour.y, colour.z, 0u,
+        offset.x, offset.y, offset.z, NEAR_SPLAT, at_eye, look.w, colour.x, colour.y, colour.z, 0.0,
     );
 }
 
@@ -387,7 +391,7 @@ fn value_splat(voxel: VisitedVoxel, xyz: vec3<u32>, share: f32) -> Splat {
     return Splat(
         u32(columns.x) | (u32(columns.y) << 16u), u32(rows.x) | (u32(rows.y) << 16u),
         f32(columns.x - x.nearest) - x.fraction, f32(rows.x - y.nearest) - y.fraction,
-        from_eye.y, from_eye.z, from_eye.x, value, f32(xyz[frame.nesting.x]), closeness, 0.0, 0u,
+        from_eye.y, from_eye.z, from_eye.x, value, f32(xyz[frame.nesting.x]), closeness, 0.0, 0.0,
     );
 }
 
@@ -411,10 +415,11 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
     if frame.is_perspective == 0u {
         x = pixel_position(frame.rows[0], frame.shifts.x, xyz, cover.offset);
         y = pixel_position(frame.rows[1], frame.shifts.y, xyz, cover.offset);
-        ellipse = Footprint(frame.ellipse.x, frame.ellipse.y, frame.ellipse.z, frame.half_width, 1.0, 1.0);
+        ellipse = Footprint(frame.ellipse.x, frame.ellipse.y, frame.ellipse.z, frame.half_width, 1.0, 0.0);
         if frame.coverage_bits != 0u {
             let widths = widths_of(cover.offset);
             ellipse = footprint(widths * gradient(0u), widths * gradient(1u));
+            ellipse.on_rays = 0.0;
             strength *= ellipse.density;
         }
     } else {
@@ -440,8 +445,9 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
         ellipse = footprint(widths * (gradient(0u) - tx * forward), widths * (ty * forward - gradient(1u)));
         let along = frame.rays[2].xyz + frame.rays[0].xyz * tx + frame.rays[1].xyz * ty;
         let square = dot(along, along);
-        ellipse = on_rays(ellipse, square, frame.sigma * frame.cut_off * length(forward) * closeness);
-        strength *= ellipse.density * sqrt(square) * (closeness * closeness);
+        let reach = frame.sigma * frame.cut_off * length(forward);
+        ellipse = in_perspective(ellipse, square, sqrt(1.0 + tx * tx + ty * ty), reach * closeness);
+        strength *= ellipse.density * (closeness * closeness);
     }
     let columns = span(x, ellipse.half_width.x, frame.window.x, frame.window.z - 1);
     let rows = span(y, ellipse.half_width.y, 0, i32(frame.picture_rows) - 1);
@@ -450,8 +456,8 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
         return nothing();
     }
     let look = look_of(voxel.record, cover.share);
-    // Its limit is that of a ray: near.wgsl, splat_depth.
-    let peak = look.w * strength;
+    // On rays, it is limited on each ray: near.wgsl, splat_depth.
+    let peak = select(min(look.w * strength, frame.max_depth), look.w * strength, ellipse.on_rays == 1.0);
     if !(peak > 0.0) {
         return nothing();
     }
@@ -459,7 +465,7 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
     return Splat(
         u32(columns.x) | (u32(columns.y) << 16u), u32(rows.x) | (u32(rows.y) << 16u),
         f32(columns.x - x.nearest) - x.fraction, f32(rows.x - y.nearest) - y.fraction,
-        ellipse.falloff_x, ellipse.falloff_y, ellipse.shear, peak, colour.x, colour.y, colour.z, 0u,
+        ellipse.falloff_x, ellipse.falloff_y, ellipse.shear, peak, colour.x, colour.y, colour.z, ellipse.on_rays,
     );
 }
 
@@ -477,7 +483,7 @@ fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     splats[slot] = SplatVectors(
         vec4<u32>(splat.columns, splat.rows, bitcast<u32>(splat.corner_x), bitcast<u32>(splat.corner_y)),
         vec4<f32>(splat.falloff_x, splat.falloff_y, splat.shear, splat.peak),
-        vec4<f32>(splat.red, splat.green, splat.blue, 0.0),
+        vec4<f32>(splat.red, splat.green, splat.blue, splat.on_rays),
     );
     if splat.columns != NOTHING {
         atomicAdd(&drawn_here, 1u);

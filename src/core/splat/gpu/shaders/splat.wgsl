@@ -16,7 +16,7 @@ struct Corner {
     @builtin(position) position: vec4<f32>,
     @location(0) @interpolate(flat, either) place: vec4<f32>, // First column and row in the window, `corner_x` and `corner_y`.
     @location(1) @interpolate(flat, either) shape: vec4<f32>, // `falloff_x`, `falloff_y`, `shear` and `peak`.
-    @location(2) @interpolate(flat, either) colour: vec3<f32>,
+    @location(2) @interpolate(flat, either) colour: vec4<f32>, // `red`, `green`, `blue` and `on_rays`.
 }
 
 // Returns the corner `k` of a splat's triangles, 0 to 5; all corners of a slot without a splat are at one place.
@@ -34,7 +34,7 @@ fn corner_of(slot: u32, k: u32) -> Corner {
     let position = vec4<f32>(2.0 * at.x - 1.0, 1.0 - 2.0 * at.y, 0.0, 1.0);
     let place = vec4<f32>(vec2<f32>(first), splat.corner_x, splat.corner_y);
     let shape = vec4<f32>(splat.falloff_x, splat.falloff_y, splat.shear, splat.peak);
-    return Corner(position, place, shape, vec3<f32>(splat.red, splat.green, splat.blue));
+    return Corner(position, place, shape, vec4<f32>(splat.red, splat.green, splat.blue, splat.on_rays));
 }
 
 @vertex
@@ -48,6 +48,6 @@ fn pixel(in: Corner) -> @location(0) vec4<f32> {
     // A voxel near the eye has no footprint.
     let away = in.place.zw + select(at - in.place.xy, vec2<f32>(0.0), HAS_NEAR && in.shape.y < 0.0);
     let of_picture = vec2<i32>(at) + frame.window.xy;
-    let depth = splat_depth(away.x, away.y, in.shape.x, in.shape.y, in.shape.z, in.shape.w, ray_at(of_picture));
-    return vec4<f32>(in.colour, 1.0) * select(absorbed(depth), depth, BLEND == ADDITIVE);
+    let depth = splat_depth(away, in.shape, in.colour.w, ray_at(of_picture));
+    return vec4<f32>(in.colour.xyz, 1.0) * select(absorbed(depth), depth, BLEND == ADDITIVE);
 }

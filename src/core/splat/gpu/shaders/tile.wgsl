@@ -121,8 +121,7 @@ fn from_centre(s: SplatVectors, at: vec2<i32>) -> vec2<f32> {
 
 // Returns a splat's optical depth at the pixel `at`.
 fn depth_of(s: SplatVectors, at: vec2<i32>) -> f32 {
-    let away = from_centre(s, at);
-    return splat_depth(away.x, away.y, s.shape.x, s.shape.y, s.shape.z, s.shape.w, ray);
+    return splat_depth(from_centre(s, at), s.shape, s.colour.w, ray);
 }
 
 // Returns the pixel of a maximum after a splat.
