@@ -173,6 +173,11 @@ impl Apart {
             self.moved += 1;
             return;
         }
+        // Rounding decides whether the low-pass widens a footprint that is just as wide as it.
+        if got.on_rays != want.on_rays {
+            self.moved += 1;
+            return;
+        }
         let relative = |a: f32, b: f32| (a / b - 1.0).abs();
         self.peak = self.peak.max(relative(got.peak, want.peak));
         for (a, b) in [(got.red, want.red), (got.green, want.green), (got.blue, want.blue)] {
