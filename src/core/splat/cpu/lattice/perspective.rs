@@ -1,7 +1,6 @@
 //! The lattice of a perspective: its pixels are rays from the eye.
 //!
-//! In: what is to be shown. Out: the plane, or none if the eye is among or near the slices, if they are seen too obliquely, or if the
-//! angle of view is so wide that kernels are uneven.
+//! In: what is to be shown. Out: the plane, or none if the eye is among or near the slices, or if they are seen too obliquely.
 
 use glam::{DMat3, DVec3};
 
@@ -10,7 +9,6 @@ use super::low_pass::LowPass;
 use super::resolution::EdgeRays;
 use super::{Lattice, Rays};
 use crate::splat::kernel::LOW_PASS;
-use crate::splat::near::NEAR;
 use crate::splat::view::PixelMap;
 use crate::traverse::Viewpoint;
 
@@ -19,19 +17,17 @@ const NEAREST: f64 = 8.0;
 /// How many times as long a pixel may be one way as the other. In a perspective, which may run along an axis in its middle, 1.5 lost
 /// 1.6 dB (azimuth 90, elevation 0).
 const LONGEST: f64 = 1.25;
-/// Tangent of half of 75 degrees, and some rounding: above it an angle of view is wide. If it is along the picture's longer side,
-/// [`MOST_UNEVEN`] holds; along its height, [`WIDEST`] also of voxels that are wide in the middle.
+/// Tangent of half of 75 degrees, and some rounding: above it an angle of view is wide, and [`WIDEST`] also holds of voxels that are wide
+/// in the middle.
 const WIDE_ANGLE: f64 = 0.768;
-/// Width of a footprint, in pixels, up to which a voxel is tiny, and these limits do not hold: that of the low-pass on sixteen samples
+/// Width of a footprint, in pixels, up to which a voxel is tiny, and this does not hold: that of the low-pass on sixteen samples
 /// a pixel's side.
 const TINY_FOOTPRINT: f64 = 0.0375;
 /// Least density of the plane's pixels anywhere as a share of that in the middle of the picture, in pixels of the picture.
 const AT_ENDS: f64 = 0.8;
-// Pairs are for `Sampling::Enough` and `Sampling::Fewest`.
-/// The most that [`unevenness`] may be at any corner of the box, in kernels. Measured: docs/studies/sampling.md.
-const MOST_UNEVEN: [f64; 2] = [0.015, 0.036];
-/// Largest standard deviation of the filter where the picture shows the box of the voxels: the warp takes four pixels on each side.
-/// Drafts had 28 dB where it was above 100, and 33 dB at 8.
+/// Largest standard deviation of the filter where the picture shows the box of the voxels, for
+/// [`Sampling::Enough`](crate::splat::Sampling::Enough) and [`Sampling::Fewest`](crate::splat::Sampling::Fewest): the warp takes four
+/// pixels on each side. Drafts had 28 dB where it was above 100, and 33 dB at 8.
 const WIDEST: [f64; 2] = [4.0, 8.0];
 
 /// Returns the plane, if there is one.
@@ -85,7 +81,6 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     // farther half (docs/studies/sampling.md).
     let middle = 0.5 * (nearest + farthest);
     let far = 0.5 * (middle + farthest);
-    let tangent = 0.5 * f64::from(view.size[0].max(view.size[1])) / focal;
     let to_centre: DVec3 = to_end.as_flattened().iter().sum::<DVec3>() * 0.5 + column(3);
     let distance = to_centre.length();
     // Those farthest away, beside the faces of the box.
@@ -115,14 +110,6 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     let longest_step = steps.map(DVec3::length).into_iter().fold(0.0, f64::max);
     let are_tiny = f64::from(kernel.sigma) * longest_step * focal <= TINY_FOOTPRINT * nearest_corner;
     let is_wide_angle = !are_tiny && 0.5 * f64::from(view.size[1]) / focal > WIDE_ANGLE;
-    if !are_tiny && tangent > WIDE_ANGLE {
-        // An x-ray is not steep at outlines, as opaque matter is.
-        let most = if subject.is_sum { MOST_UNEVEN[1] } else { subject.sampling.pick(MOST_UNEVEN) };
-        let voxel_steps = DMat3::from_cols(column(0), column(1), column(2));
-        if corners.iter().any(|toward| f64::from(kernel.sigma) * unevenness(*toward, voxel_steps) > most) {
-            return None;
-        }
-    }
     // Toward the edges of a wide angle, even voxels that are wide in the middle are as narrow as the low-pass.
     let deviation = if is_wide_angle { LOW_PASS.into() } else { low_pass.deviation };
     if deviation * low_pass.most_per_pixel > subject.sampling.pick(WIDEST) {
@@ -186,18 +173,4 @@ fn clipped(mut polygon: Vec<[f64; 2]>, size: [f64; 2]) -> Vec<[f64; 2]> {
             .collect();
     }
     polygon
-}
-
-/// Returns by what fraction the perspective shrinks the side of a kernel that is away from the eye, at one voxel from its centre along
-/// the direction in which its footprint is slanted: 0 in the middle of the picture; of a kernel as round as its voxels, the sine of
-/// the angle from there over the distance from the eye's plane, in voxels.
-///
-/// `toward`: from the eye to the kernel, to the right, upward and forward; `steps`: those of the voxels, in columns.
-fn unevenness(toward: DVec3, steps: DMat3) -> f64 {
-    let forward = steps.row(2);
-    // Nearer voxels are integrated along rays in every picture.
-    let depth = toward.z.max(NEAR * forward.length());
-    let outward =
-        steps.transpose() * DVec3::new(toward.x * depth, toward.y * depth, -toward.truncate().length_squared());
-    outward.dot(forward).abs() / (outward.length() * depth).max(f64::MIN_POSITIVE)
 }
