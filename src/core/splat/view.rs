@@ -53,7 +53,7 @@ pub enum PixelMap {
         focal: f64,
         /// The column and row of the point that the view axis meets.
         centre: [f64; 2],
-        /// Distance along the view axis from which voxels are drawn as affine footprints, in mean spacings; above 0.
+        /// Distance along the view axis from which voxels have footprints, in mean spacings; above 0.
         /// Nearer ones are integrated along each ray (`near.rs`), unless they are clipped ([`View::clip`]).
         near: f64,
     },

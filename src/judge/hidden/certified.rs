@@ -33,7 +33,7 @@ use adjsplat::splat::{KernelShape, Quality, Scene, Settings};
 use adjsplat::traverse::{AxisOrder, Batch, Order, walk};
 use adjsplat::volume::Axis;
 
-/// The fraction of a kernel's weight that is left after the losses by affine footprints in perspective and by single
+/// The fraction of a kernel's weight that is left after the losses by parallel rays in perspective and by single
 /// precision.
 const MARGIN: f64 = 0.98;
 /// The largest optical depth that the march tells apart; larger ones are treated as equal.

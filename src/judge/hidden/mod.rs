@@ -11,7 +11,7 @@
 //! most e in total. So the picture changes by at most e, however many voxels are missing.
 //!
 //! Views from outside are parallel ones, and perspective ones whose eye is at least [`CLEARANCE`] voxels away from the
-//! box of the visible voxels. For nearer eyes the true footprints differ from affine ones, and reach beyond the voxels
+//! box of the visible voxels. For nearer eyes footprints differ from those of parallel rays, and reach beyond the voxels
 //! that should hide them. (Measured on the engine data set, eight voxels away: 10 of 34 such views changed, one by
 //! 0.16.) Voxels must be at least 1.2 pixels apart, because smaller pictures widen footprints.
 //!
@@ -42,7 +42,7 @@ use adjsplat::volume::Axis;
 pub const DEFAULT_EPS: f64 = 1.0 / 512.0;
 /// The least distance of an eye from the box of the visible voxels, in units of the coarsest voxel spacing.
 ///
-/// At this distance the standard kernel's affine footprint is within 2 % of its peak of the true one.
+/// At this distance the standard kernel's footprint on parallel rays is within 2 % of its peak of the one that is drawn.
 pub const CLEARANCE: f64 = 32.0;
 /// The default of [`Culling::views`], the number of deciding views.
 pub const DEFAULT_VIEWS: u32 = 240;

@@ -5,7 +5,7 @@
 //! A ray ends only where its transmittance no longer matters in double precision.
 //!
 //! Each thread draws all splats into its own band of rows, so the picture does not depend on the number of threads. The
-//! reference shares its model with the renderers: the affine footprint of EWA, exact kernels near the eye, the low-pass
+//! reference shares its model with the renderers: integrals of kernels along rays, the low-pass
 //! filter, the largest optical depth of a splat, the lighting. [`RayJudge`](super::RayJudge) shares only the lighting.
 
 use adjsplat::classify::TransferFunction;
