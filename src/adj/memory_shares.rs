@@ -14,7 +14,7 @@ use adjsplat::arena::layout::{Facts, LevelLimits};
 use adjsplat::arena::{Arena, Lane, LaneSet};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::{IN_FLIGHT, PIXEL_BYTES, level_settings, stored_transfer};
+use adjsplat::internals::{IN_FLIGHT, PIXEL_BYTES, RAY_BYTES, level_settings, stored_transfer};
 use adjsplat::splat::cpu;
 use adjsplat::splat::cpu::Canvas;
 use adjsplat::splat::{Blending, Camera, Lanes, Projection, Settings, View};
@@ -82,10 +82,10 @@ impl MemoryShares {
         let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
         // A picture of coarser levels is put together from parts, with four bytes a pixel for what those in front hide. A perspective
         // may have several levels, each drawn in bands of finer samples.
-        let is_mixed = settings.level.is_none()
-            && cameras.iter().any(|camera| matches!(camera.projection(), Projection::Perspective { .. }));
+        let is_perspective = cameras.iter().any(|camera| matches!(camera.projection(), Projection::Perspective { .. }));
+        let is_mixed = settings.level.is_none() && is_perspective;
         let parts = match drawn.iter().any(|(level, _)| *level > 0) {
-            true if is_mixed => pixels.max(cpu::MIXED_SAMPLES) * (3 * PIXEL_BYTES + 4),
+            true if is_mixed => pixels.max(cpu::MIXED_SAMPLES) * (3 * PIXEL_BYTES + RAY_BYTES + 4),
             true => pixels * (PIXEL_BYTES + 4),
             false => 0,
         };
@@ -93,8 +93,8 @@ impl MemoryShares {
         let base = BASE.max(resident_bytes().unwrap_or(0) + GROWTH);
         let need_of = |threads: usize, canvases: &[(Canvas, [u32; 3], u64)]| {
             let settings = settings.clone().with_threads(threads);
-            let drawing =
-                canvases.iter().map(|&(canvas, dims, tiles)| cpu::memory_need(dims, tiles, canvas, &settings));
+            let need = |&(canvas, dims, tiles): &_| cpu::memory_need(dims, tiles, canvas, is_perspective, &settings);
+            let drawing = canvases.iter().map(need);
             let drawing = drawing.max().unwrap_or(0).saturating_add(parts + measuring);
             // The frame is freed before its picture is encoded.
             let writing = kind.memory(depth, pixels);

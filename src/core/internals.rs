@@ -2,8 +2,8 @@
 
 pub use crate::model::{drawable, missing_values, stored_transfer};
 pub use crate::parallel::in_order;
-pub use crate::splat::cpu::memory::PIXEL_BYTES;
-pub use crate::splat::kernel::{LOW_PASS, REACH, narrowest_sigma};
+pub use crate::splat::cpu::memory::{PIXEL_BYTES, RAY_BYTES};
+pub use crate::splat::kernel::{LOW_PASS, REACH, SPLAT_LOW_PASS, narrowest_sigma};
 pub use crate::splat::levels::{LevelPart, drawn_levels, level_order, level_parts, level_settings};
 pub use crate::splat::setup::FrameSetup;
 pub use crate::splat::supersample::supersampled;

@@ -4,7 +4,6 @@ use std::mem::{offset_of, size_of};
 
 use super::twin;
 use adjsplat::arena::TileRecord;
-use adjsplat::internals::LOW_PASS;
 use adjsplat::internals::gpu_stages::SHADERS;
 use adjsplat::internals::gpu_stages::{
     AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING, SUMMARY_WORDS, Splat, TILE_SIDE,
@@ -54,9 +53,9 @@ fn shaders_and_rust_lay_records_out_alike() {
         (
             "FrameUniform",
             fields!(FrameUniform: rows shifts steps widths sample_rays eye light light_weights ellipse half_width centre focal near sigma cut_off cut_exponent
-                termination max_depth initial_alpha window crop_low crop_high clip rays eye_voxel eye_rest nesting coverage_bits eye_ceil eye_twice fast_order is_back_to_front fast_axis longest_line
+                termination max_depth initial_alpha window crop_low crop_high clip rays eye_voxel eye_rest nesting coverage_bits eye_ceil eye_twice fast_order is_back_to_front longest_line
                 line_end_bytes value_bits normal_bits uses_magnitude is_perspective shininess tile_columns
-                mask_words picture_rows near_sigma),
+                mask_words picture_rows near_sigma low_pass),
         ),
         ("Chunk", fields!(Chunk: first_block slot_count index is_first from_slice to_slice)),
         ("VisitedVoxel", fields!(VisitedVoxel: xy z_coverage record padding)),
@@ -154,7 +153,6 @@ fn shaders_and_rust_know_the_same_constants() {
         ("NOTHING", f64::from(NOTHING), 5),
         ("NO_RECORD", f64::from(NO_RECORD), 5),
         ("STEPPING", f64::from(twin::walk::STEPPING), 1),
-        ("LOW_PASS", f64::from(LOW_PASS), 1),
         ("REACH", f64::from(twin::REACH), 1),
         ("TINY", f64::from(f32::MIN_POSITIVE), 1),
         ("LN_2", f64::from(std::f32::consts::LN_2), 5),

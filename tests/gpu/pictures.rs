@@ -229,6 +229,10 @@ fn near_and_far_views_and_odd_pictures() {
         let camera = zoomed(&built, 31.0, 24.0, fov, 2.0, of_samples.size);
         check_one("cut by the border, supersampled", &built, camera, of_samples.clone());
     }
+    // Voxels in the middle have 0.65 pixels, far ones 0.45.
+    let settings = Settings::new([44, 40]).with_quality(Quality::High);
+    let camera = zoomed(&built, 31.0, 24.0, Some(50.0), 1.0, settings.size);
+    check_one("far voxels narrower than a sample", &built, camera, settings);
     for size in [[1, 1], [1, 65], [700, 3]] {
         let views = [None, Some(50.0)].map(|fov| (built.orbit(31.0, 24.0, fov, size), high(size)));
         check(&format!("{size:?}"), built.scene(), &views);

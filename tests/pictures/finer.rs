@@ -2,7 +2,7 @@
 
 use adjsplat::build::Built;
 use adjsplat::splat::cpu::{Canvas, canvas};
-use adjsplat::splat::{Camera, Code, Mode, Orbit, Projection, Quality, Sampling, Settings, Surround};
+use adjsplat::splat::{Camera, Code, Frame, Mode, Orbit, Projection, Quality, Sampling, Settings, Surround};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::Grid;
 use adjsplat_tests::pictures::{alphas, decibels};
@@ -84,6 +84,30 @@ fn voxels_a_little_smaller_than_the_low_pass_are_not_too_opaque() {
             println!("{name} {pixels} {width:.3}: every pixel {every:.1} dB, finer {finer:.1} dB");
             // Every pixel has 33 to 50 dB: the low-pass widens depths there.
             assert!(finer > 55.0, "{name} {pixels}: {every:.1}, {finer:.1} dB");
+        }
+    }
+}
+
+/// The low-pass widened them: 44 to 57 dB.
+#[test]
+fn far_voxels_of_a_perspective_are_not_too_opaque_where_those_in_the_middle_have_a_sample_each() {
+    const FINER: u32 = 3;
+    for name in ["gyroid", "shells", "noise"] {
+        let built = build(name);
+        for fov in [10.0, 20.0, 25.0] {
+            let narrowest = (60..).find(|side| width(&built, &camera(&built, Some(fov), [*side; 2]), *side) > 0.6);
+            let side = narrowest.unwrap();
+            let camera = camera(&built, Some(fov), [side; 2]);
+            let fine = built.frame(&camera, &settings([side * FINER; 2], Sampling::EveryPixel));
+            let mut truth = Frame::transparent([side; 2]).unwrap();
+            for (index, pixel) in truth.pixels_mut().chunks_exact_mut(4).enumerate() {
+                let [column, row] = [index as u32 % side, index as u32 / side].map(|at| at * FINER + 1);
+                pixel.copy_from_slice(&fine.pixel(column, row));
+            }
+            let drawn = built.frame(&camera, &settings([side; 2], Sampling::Finer));
+            let near = decibels(&drawn, &truth, EMPTY);
+            println!("{name} {fov} {side}: {near:.1} dB");
+            assert!(near > 90.0, "{name} {fov} {side}: {near:.1} dB");
         }
     }
 }

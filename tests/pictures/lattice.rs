@@ -240,8 +240,8 @@ fn a_volume_of_unlike_spacings_in_perspective_is_sharp_near_by_and_smooth_far_aw
     }
 }
 
-/// Footprints are affine, and the lattice integrates along rays: near a wide angle's edges that differs. Where a pixel of the
-/// picture was much narrower than one of the plane, weights were alike for eight pixels, and light was a third too much.
+/// Where a pixel of the picture was much narrower than one of the plane, weights were alike for eight pixels, and light was a third too
+/// much.
 #[test]
 fn wide_angles_are_neither_fatter_nor_brighter_than_high_quality() {
     let size = [200, 200];

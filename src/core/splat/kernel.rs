@@ -10,8 +10,8 @@
 //! ```
 //!
 //! The integral over the plane across the ray is extinction times cell volume: footprints add up to the path length
-//! through the volume for any view and anisotropy. A footprint narrower than [`LOW_PASS`] pixels is widened to it, with
-//! the same integral; wider footprints are not changed.
+//! through the volume for any view and anisotropy. A footprint narrower than the low-pass is widened to it, with
+//! the same integral; wider footprints are not changed. In a perspective they are on rays ([`Footprint::in_perspective`]).
 //!
 //! Source: Zwicker et al., "EWA Volume Splatting", 2001. Departs from it in the low-pass, which is only as wide as
 //! needed, and in |M M^T| as a sum of squares (Cauchy-Binet), which cannot lose its sign to rounding.
@@ -41,8 +41,12 @@ pub(crate) struct Ellipse {
 /// Largest half-width of a footprint, in pixels: 128 times the largest picture.
 pub const REACH: f32 = 2_097_152.0;
 
-/// Smallest standard deviation of a footprint along any direction, in pixels.
+/// Standard deviation of the picture's low-pass, in pixels.
 pub const LOW_PASS: f32 = 0.6;
+/// The same of single splats, in samples, where there are enough samples for the voxels in the middle of a perspective: only
+/// farther ones are narrower. Wider splats make opaque detail too opaque; narrower ones fall between samples: the light of a single
+/// voxel would change by more than 3 % with its place. Measured: docs/studies/sampling.md.
+pub const SPLAT_LOW_PASS: f32 = 0.5;
 
 /// How exact a picture is.
 ///
@@ -225,12 +229,13 @@ pub fn narrowest_sigma(rows: [[f32; 3]; 2], sigma: f32) -> f32 {
     covariance(rows, sigma).smaller_eigenvalue.sqrt()
 }
 
-/// Returns the footprint of a kernel under the Jacobian `rows`, in pixels per voxel; finite for any finite Jacobian.
+/// Returns the footprint of a kernel under the Jacobian `rows`, in pixels per voxel; finite for any finite Jacobian. `low_pass` is its
+/// smallest standard deviation along any direction, in pixels.
 #[inline(always)]
-pub(crate) fn footprint(rows: [[f32; 3]; 2], sigma: f32, cut_off: f32) -> Footprint {
+pub(crate) fn footprint(rows: [[f32; 3]; 2], sigma: f32, cut_off: f32, low_pass: f32) -> Footprint {
     let Covariance { xx, xy, yy, determinant, smaller_eigenvalue } = covariance(rows, sigma);
     let trace = xx + yy;
-    let added = at_least(LOW_PASS * LOW_PASS - smaller_eigenvalue, 0.0);
+    let added = at_least(low_pass * low_pass - smaller_eigenvalue, 0.0);
     let (xx, yy) = (xx + added, yy + added);
     let determinant = at_least(determinant + added * (trace + added), f32::MIN_POSITIVE);
     let ellipse = Ellipse {
@@ -244,12 +249,12 @@ pub(crate) fn footprint(rows: [[f32; 3]; 2], sigma: f32, cut_off: f32) -> Footpr
 }
 
 impl Footprint {
-    /// Returns the footprint of a perspective.
+    /// Returns this footprint as a perspective needs it.
     ///
     /// If it is not widened, it is *on rays*: its exponent is to be divided by the square of the length of a pixel's direction, and its
     /// density is to be multiplied by the ray's stretch. On the ray through the centre that changes nothing. Beside it the exponent grows
     /// more slowly where directions are longer, so the box is larger: it holds the cone of the rays that meet the kernel's ball. A
-    /// footprint that is widened is as narrow as the low-pass, and all its rays are alike.
+    /// footprint that is widened stays affine: it is no longer the kernel's. Across its narrower axis its rays are all alike.
     ///
     /// `square`: that of the direction's length on the ray through the centre; `slant`: that ray's length in the world for a unit forward;
     /// `closeness`: the kernel's radius over its distance from the eye's plane, below 1.

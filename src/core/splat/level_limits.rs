@@ -355,5 +355,6 @@ fn need(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<u64> {
     let settings = level_settings(settings, &scene.facts.grid, grid).with_threads(1);
     let settings = Settings { strip_samples: SMALL_STRIP_SAMPLES, ..settings };
     let canvas = cpu::canvas(grid, &VoxelBox { low, high }, camera, &settings)?;
-    Ok(cpu::memory_need(grid.dims, 0, canvas, &settings))
+    let is_perspective = matches!(camera.projection(), Projection::Perspective { .. });
+    Ok(cpu::memory_need(grid.dims, 0, canvas, is_perspective, &settings))
 }

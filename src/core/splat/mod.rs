@@ -180,6 +180,8 @@ pub struct Settings {
     pub(crate) blocks: Blocks,
     /// Number of samples that are drawn at once where there are several a pixel.
     pub(crate) strip_samples: u32,
+    /// The low-pass of splats: the smallest standard deviation of a footprint, in samples.
+    pub(crate) low_pass: f32,
     /// The machine code that draws.
     pub code: Code,
     /// Asks the processor's renderer to stop; `None` for never.
@@ -272,6 +274,7 @@ impl Settings {
             level: None,
             blocks: Blocks::NONE,
             strip_samples: supersample::STRIP_SAMPLES,
+            low_pass: kernel::LOW_PASS,
             code: Code::default(),
             stop: None,
         }

@@ -8,10 +8,10 @@
 //! depth = voxel's depth * strength(ray) * exp(-distance^2 / 2 sigma^2) * Phi(t / sigma)       for distance <= radius
 //! ```
 //!
-//! Let D be the direction of a pixel's ray one unit forward, and d that of the ray through the voxel, which is `r` but for its length.
-//! D changes evenly from pixel to pixel, so `|r x D|^2` is a quadratic form of the distance between the pixels. Divided by `|d|^2`, it is
+//! Let D be the direction of a pixel's ray one unit forward, and D0 that of the ray through the voxel, parallel to `r`.
+//! D changes evenly from pixel to pixel, so `|r x D|^2` is a quadratic form of the distance between the pixels. Divided by `|D0|^2`, it is
 //! the affine footprint of EWA; divided by `|D|^2`, the square of the distance. So a voxel farther away is drawn by its footprint and by
-//! the lengths of the pixels' directions ([`Footprint::on_rays`](super::kernel::Footprint::on_rays)), and that is exact.
+//! the lengths of the pixels' directions ([`Footprint::in_perspective`](super::kernel::Footprint::in_perspective)), and that is exact.
 //!
 //! Phi, the normal distribution, is the part of the kernel in front of the eye; where the eye is outside the kernel's
 //! radius, it is 0 or 1. With `Q(z) = exp(z^2 / 2) Phi(-z)`, which a polynomial gives, one exponential a pixel is
@@ -35,15 +35,15 @@ use super::view::{PixelMap, View};
 use crate::arena::visible::MAX_DEPTH;
 use crate::traverse::Viewpoint;
 
-/// Distance from the eye's plane below which a voxel has no footprint, in the longest step between voxels; and in radii of the kernel,
-/// if that is more. Farther away no kernel reaches the eye's plane, and boxes around footprints are at most twice as large as in a
-/// parallel view.
+/// Distance from the eye's plane below which a voxel has no footprint, in the longest step between voxels.
 pub(crate) const NEAR: f64 = 8.0;
+/// The same in radii of the kernel times that step; the larger one counts. Farther away no kernel reaches the eye's plane, and the box
+/// around a footprint is at most twice as large as an affine one's if axes are at right angles.
 pub(crate) const NEAR_RADII: f64 = 2.0;
 
-/// What the voxels near the eye of a perspective view need to be drawn.
+/// The rays of a perspective's pixels, and what voxels near the eye need.
 #[derive(Debug, Clone)]
-pub(crate) struct NearView {
+pub(crate) struct EyeRays {
     /// The eye in voxel coordinates.
     pub(crate) eye: DVec3,
     /// Movement in voxel coordinates along a ray, by tangent to the right, by tangent upward, and forward; scaled.
@@ -85,7 +85,7 @@ pub(crate) struct Rays<const N: usize> {
 #[derive(Debug, Clone, Copy, Zeroable)]
 #[repr(C)]
 pub(crate) struct RayLengths<const N: usize> {
-    /// One over the square of the direction's length, scaled like [`NearView::right`].
+    /// One over the square of the direction's length, scaled like [`EyeRays::right`].
     pub(crate) per_square: [f32; N],
     /// The *stretch*: how long a ray is in mean spacings for the same length in voxel coordinates, scaled alike.
     pub(crate) stretch: [f32; N],
@@ -104,9 +104,9 @@ pub(crate) struct NearKernel {
     pub(crate) rows: [i32; 2],
 }
 
-impl NearView {
-    /// Returns what near voxels of `view` need; `None` for a parallel view.
-    pub(crate) fn new(view: &View, kernel: KernelShape) -> Option<NearView> {
+impl EyeRays {
+    /// Returns the rays of `view`, with this kernel for voxels near the eye; `None` for a parallel view.
+    pub(crate) fn new(view: &View, kernel: KernelShape) -> Option<EyeRays> {
         let (PixelMap::Perspective { camera_from_voxel, focal, centre, .. }, Viewpoint::Perspective { eye, .. }) =
             (&view.map, view.viewpoint)
         else {
@@ -120,7 +120,7 @@ impl NearView {
         let single = |axis: DVec3| (axis / scale).to_array().map(|c| c as f32);
         let sigma = f64::from(kernel.sigma);
         let strength = f64::from(kernel.normalisation()) / (sigma * sigma) / scale;
-        Some(NearView {
+        Some(EyeRays {
             eye: DVec3::from_array(eye),
             right: single(rays.x_axis),
             up: single(rays.y_axis),
@@ -142,8 +142,8 @@ impl NearView {
     }
 
     /// For studies only: returns what cubes of `width` voxels a side need, each one kernel that is as much wider.
-    pub(crate) fn wider(&self, width: f32) -> NearView {
-        NearView {
+    pub(crate) fn wider(&self, width: f32) -> EyeRays {
+        EyeRays {
             least_depth: self.least_depth.min(self.least_depth * f64::from(width)),
             radius: self.radius * f64::from(width),
             factor: self.factor / (width * width),
@@ -325,7 +325,7 @@ mod tests {
         View::new(&camera.unwrap(), &grid, [48, 31], quality.kernel(), None).unwrap()
     }
 
-    fn kernels(view: &View, near: &NearView) -> Vec<NearKernel> {
+    fn kernels(view: &View, near: &EyeRays) -> Vec<NearKernel> {
         let PixelMap::Perspective { camera_from_voxel: [_, _, forward], near: far, .. } = view.map else { panic!() };
         let mut kernels = Vec::new();
         for index in 0..40 * 40 * 40 {
@@ -340,7 +340,7 @@ mod tests {
     fn a_near_voxel_has_the_integral_of_its_kernel_from_the_eye_on() {
         for quality in [Quality::Standard, Quality::Reference] {
             let (view, KernelShape { sigma, radius }) = (view(100.0, quality), quality.kernel());
-            let near = NearView::new(&view, quality.kernel()).unwrap();
+            let near = EyeRays::new(&view, quality.kernel()).unwrap();
             let [sigma, radius] = [sigma, radius].map(f64::from);
             let most = f64::from(quality.kernel().normalisation()) / (sigma * sigma) * f64::from(LOG2_E);
             let mut worst = 0.0f64;
@@ -378,7 +378,7 @@ mod tests {
                     worst = worst.max((f64::from(depth) - exact).abs() / most);
                 }
             }
-            // Single precision rounds a place 24 voxels away by 1.4e-6, where a kernel may fall by 0.9 a voxel.
+            // Single precision rounds a place 8 voxels away by 5e-7, where a kernel may fall by 0.9 a voxel.
             assert!(worst < 4e-6, "{quality:?}: {worst:e}");
         }
     }
@@ -387,7 +387,7 @@ mod tests {
     fn boxes_of_near_voxels_hold_all_their_pixels_in_wide_views() {
         for fov in [3.0, 60.0, 120.0, 170.0] {
             let view = view(fov, Quality::Standard);
-            let near = NearView::new(&view, Quality::Standard.kernel()).unwrap();
+            let near = EyeRays::new(&view, Quality::Standard.kernel()).unwrap();
             let kernels = kernels(&view, &near);
             assert!(kernels.len() > 20, "{fov}");
             for kernel in kernels {
@@ -409,7 +409,7 @@ mod tests {
     #[test]
     fn an_eye_on_a_voxel_sees_half_of_it() {
         let view = view(60.0, Quality::High);
-        let near = NearView::new(&view, Quality::High.kernel()).unwrap();
+        let near = EyeRays::new(&view, Quality::High.kernel()).unwrap();
         let kernel = near.kernel(near.eye.to_array(), 0.0).unwrap();
         let rays = near.rays([3], [5]);
         let [depth] = near.depths(&kernel, &rays, 1.0);

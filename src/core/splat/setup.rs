@@ -26,6 +26,8 @@ pub struct FrameSetup<'a> {
     pub kernel: KernelShape,
     /// Its widths along each axis, where voxels stand for blocks.
     pub(crate) widths: Widths,
+    /// The low-pass of its footprints, in pixels.
+    pub(crate) low_pass: f32,
     /// The kernel of voxels near the eye.
     pub(crate) near_kernel: KernelShape,
     pub(crate) clip: ClipRegion,
@@ -45,7 +47,7 @@ impl<'a> FrameSetup<'a> {
         let grid = &scene.facts.grid;
         let (kernel, widths) = (settings.kernel(), settings.blocks.widths(settings.fine_kernel()));
         let near_kernel = settings.blocks.mean(settings.fine_kernel());
-        let is_maximum = settings.mode.is_maximum();
+        let (is_maximum, low_pass) = (settings.mode.is_maximum(), settings.low_pass);
         let mut view = View::new(camera, grid, settings.size, kernel, settings.near)?;
         if is_maximum {
             view.margin = 1.0;
@@ -61,7 +63,7 @@ impl<'a> FrameSetup<'a> {
         let lit = scene.transfer.shaded() && lane.channels.normal_bits > 0 && !is_maximum;
         let lights = settings.lighting.filter(|_| lit).map(|lighting| Lights::new(&lighting, &view));
         let clip = ClipRegion::new(settings, grid);
-        Ok(FrameSetup { view, order, lane, lights, kernel, widths, near_kernel, clip, is_maximum })
+        Ok(FrameSetup { view, order, lane, lights, kernel, widths, low_pass, near_kernel, clip, is_maximum })
     }
 }
 

@@ -20,7 +20,7 @@ use glam::{DVec3, Vec4};
 
 use super::cpu::project::widened;
 use super::frame::in_range;
-use super::kernel::{LOW_PASS, narrowest_sigma};
+use super::kernel::{LOW_PASS, SPLAT_LOW_PASS, narrowest_sigma};
 use super::view::{MAX_SIZE, PixelMap, View, apply, single};
 use super::{Camera, Frame, Mode, Sampling, Settings};
 use crate::error::Result;
@@ -33,7 +33,7 @@ const NARROWEST: f64 = 0.5;
 /// Standard deviation, in samples, that stands for all narrower ones, so that no sum of weights is 0.
 const LEAST_SIGMA: f64 = 0.1;
 /// Width that samples' footprints must reach where 32 dB are enough, as a fraction of the low-pass's width.
-const FEWEST: f64 = 0.5;
+const FEWEST: f32 = 0.5;
 /// Largest number of samples along a side of a pixel. Without it voxels of 1 x 1 x 1000 took as many samples as fit into
 /// memory, for errors below 60 dB.
 const MAX_FACTOR: u32 = 16;
@@ -59,7 +59,7 @@ pub(crate) struct Supersampling {
     strip_samples: u32,
 }
 
-/// Draws a picture by calling `draw` with settings; supersamples if the settings and the view ask for it.
+/// Draws a picture by calling `draw` with settings and the low-pass of splats; supersamples if the settings and the view ask for it.
 ///
 /// `bounds` is a box of all voxels; `None` if there are none.
 ///
@@ -70,25 +70,52 @@ pub fn supersampled<T>(
     bounds: Option<VoxelBox>,
     camera: &Camera,
     settings: &Settings,
-    draw: impl FnOnce(&Camera, &Settings) -> Result<(Frame, T)>,
+    draw: impl FnOnce(&Camera, &Settings, f32) -> Result<(Frame, T)>,
 ) -> Result<(Frame, T)> {
-    let Some(supersampling) = Supersampling::of(grid, bounds, camera, settings)? else { return draw(camera, settings) };
+    let (supersampling, low_pass) = Supersampling::of(grid, bounds, camera, settings)?;
+    let Some(supersampling) = supersampling else { return draw(camera, settings, low_pass) };
     let (camera, settings) = supersampling.of_samples(camera, settings);
-    let (samples, stats) = draw(&camera, &settings)?;
+    let (samples, stats) = draw(&camera, &settings, low_pass)?;
     Ok((supersampling.picture(&samples, settings.threads)?, stats))
 }
 
+/// Returns the low-pass of splats in a view of the voxels in `bounds` that has these samples for each pixel; `None`: one.
+///
+/// It is the picture's, unless samples are close enough for the voxels at the centre.
+pub(crate) fn splat_low_pass(
+    view: &View,
+    bounds: &VoxelBox,
+    settings: &Settings,
+    supersampling: Option<&Supersampling>,
+) -> f32 {
+    let factor = supersampling.map_or(1, |supersampling| supersampling.factor) as f32;
+    let is_enough = is_filtered(settings) && factor * sigma_at_centre(view, bounds, settings) >= least_width(settings);
+    if is_enough { SPLAT_LOW_PASS } else { LOW_PASS }
+}
+
+/// Returns whether the settings allow several samples for a pixel.
+fn is_filtered(settings: &Settings) -> bool {
+    settings.mode == Mode::Composite && !settings.keeps_pixels()
+}
+
+/// Returns the width that samples' footprints must reach.
+fn least_width(settings: &Settings) -> f32 {
+    if settings.sampling() == Sampling::Fewest { FEWEST * LOW_PASS } else { LOW_PASS }
+}
+
 impl Supersampling {
-    /// Returns the supersampling for a camera's view of a grid with voxels in `bounds`; `None` if one sample per pixel is
-    /// drawn.
+    /// Returns the supersampling for a camera's view of a grid with voxels in `bounds`, `None` if one sample per pixel is
+    /// drawn; and the low-pass of splats.
     pub(crate) fn of(
         grid: &Grid,
         bounds: Option<VoxelBox>,
         camera: &Camera,
         settings: &Settings,
-    ) -> Result<Option<Supersampling>> {
+    ) -> Result<(Option<Supersampling>, f32)> {
         let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
-        Ok(bounds.and_then(|bounds| Supersampling::new(&view, &bounds, settings)))
+        let Some(bounds) = bounds else { return Ok((None, LOW_PASS)) };
+        let supersampling = Supersampling::new(&view, &bounds, settings);
+        Ok((supersampling, splat_low_pass(&view, &bounds, settings, supersampling.as_ref())))
     }
 
     /// Returns the one of two supersamplings that draws more samples; `None` draws one per pixel.
@@ -117,7 +144,7 @@ impl Supersampling {
     /// `None` if one sample per pixel is enough, if even two along a side are too many, or if `settings` ask for none.
     /// In perspective the footprints at the centre of the visible voxels decide.
     pub(crate) fn new(view: &View, bounds: &VoxelBox, settings: &Settings) -> Option<Supersampling> {
-        if settings.keeps_pixels() || settings.mode != Mode::Composite {
+        if !is_filtered(settings) {
             return None;
         }
         let width = f64::from(sigma_at_centre(view, bounds, settings));
@@ -128,7 +155,7 @@ impl Supersampling {
             return None;
         }
         let is_draft = settings.sampling() == Sampling::Fewest;
-        let wanted = if is_draft { FEWEST * low_pass } else { low_pass };
+        let wanted = f64::from(least_width(settings));
         // The low-pass also widens narrow footprints to its own width in samples.
         let sigma = |factor: u32| {
             let factor = f64::from(factor);

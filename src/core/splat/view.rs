@@ -146,6 +146,11 @@ impl View {
         Ok(View { size, viewpoint, map, mean_voxel, axes, eye_scaled, clip, reach, steps, margin: 0.0 })
     }
 
+    /// Returns whether the view is a perspective.
+    pub(crate) fn is_perspective(&self) -> bool {
+        matches!(self.map, PixelMap::Perspective { .. })
+    }
+
     /// Returns the distance along the view axis at which the rays of a maximum begin, in mean spacings: at the clip, or as
     /// near to the eye as single precision allows.
     pub fn ray_start(&self) -> f64 {

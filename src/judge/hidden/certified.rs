@@ -33,8 +33,8 @@ use adjsplat::splat::{KernelShape, Quality, Scene, Settings};
 use adjsplat::traverse::{AxisOrder, Batch, Order, walk};
 use adjsplat::volume::Axis;
 
-/// The fraction of a kernel's weight that is left after the losses by parallel rays in perspective and by single
-/// precision.
+/// The fraction of a kernel's weight that is left after the losses by single precision, and by the footprints of a perspective if they
+/// were affine.
 const MARGIN: f64 = 0.98;
 /// The largest optical depth that the march tells apart; larger ones are treated as equal.
 const ENOUGH: f32 = 64.0;

@@ -8,7 +8,7 @@ use super::views::{CullingView, JUDGING_SIDE};
 use super::{Culling, CullingObserver, CullingStage, in_parallel};
 use adjsplat::arena::Lane;
 use adjsplat::error::Result;
-use adjsplat::internals::RecordSet;
+use adjsplat::internals::{PIXEL_BYTES, RAY_BYTES, RecordSet};
 use adjsplat::splat::cpu::render;
 use adjsplat::splat::{Frame, Lanes, Lighting, Scene};
 use adjsplat::volume::Axis;
@@ -27,8 +27,8 @@ const TERMINATION: f64 = 64.0;
 
 /// Returns the largest number of bytes that the pictures of one thread take.
 pub(super) fn bytes_a_thread() -> u64 {
-    // Two frames and the renderer's band, 16 bytes per pixel each, plus guard pixels.
-    3 * 16 * u64::from(JUDGING_SIDE + 64).pow(2)
+    // Two frames and the renderer's band, plus guard pixels.
+    (3 * PIXEL_BYTES + RAY_BYTES) * u64::from(JUDGING_SIDE + 64).pow(2)
 }
 
 /// Returns, for each view, the largest change of a pixel if the `hidden` records of the lane along x are left out.

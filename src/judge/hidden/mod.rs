@@ -11,9 +11,8 @@
 //! most e in total. So the picture changes by at most e, however many voxels are missing.
 //!
 //! Views from outside are parallel ones, and perspective ones whose eye is at least [`CLEARANCE`] voxels away from the
-//! box of the visible voxels. For nearer eyes footprints differ from those of parallel rays, and reach beyond the voxels
-//! that should hide them. (Measured on the engine data set, eight voxels away: 10 of 34 such views changed, one by
-//! 0.16.) Voxels must be at least 1.2 pixels apart, because smaller pictures widen footprints.
+//! box of the visible voxels. (Measured on the engine data set, eight voxels away, with affine footprints, which reach
+//! beyond the voxels that should hide them: 10 of 34 such views changed, one by 0.16.) Voxels must be at least 1.2 pixels apart, because smaller pictures widen footprints.
 //!
 //! The bound holds for compositing from outside with colours from 0 to 1. The removed voxels would be missing if the
 //! eye is inside the volume, if a crop cuts into it, with another transfer function, and in modes that do not hide
@@ -42,7 +41,7 @@ use adjsplat::volume::Axis;
 pub const DEFAULT_EPS: f64 = 1.0 / 512.0;
 /// The least distance of an eye from the box of the visible voxels, in units of the coarsest voxel spacing.
 ///
-/// At this distance the standard kernel's footprint on parallel rays is within 2 % of its peak of the one that is drawn.
+/// At this distance an affine footprint of the standard kernel is within 2 % of its peak of the one that is drawn.
 pub const CLEARANCE: f64 = 32.0;
 /// The default of [`Culling::views`], the number of deciding views.
 pub const DEFAULT_VIEWS: u32 = 240;

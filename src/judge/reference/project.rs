@@ -18,7 +18,7 @@
 //!
 //! Source: Zwicker et al., "EWA Volume Splatting", 2001.
 
-use adjsplat::internals::{Affine, LOW_PASS, MAX_DEPTH, PixelMap};
+use adjsplat::internals::{Affine, MAX_DEPTH, PixelMap};
 use adjsplat::splat::{Blending, Mode, View};
 use adjsplat::traverse::Viewpoint;
 
@@ -52,8 +52,8 @@ struct SplatCovariance {
 
 impl SplatCovariance {
     /// Creates the covariance of a kernel projected by a Jacobian (in pixels per voxel), and adds the low-pass filter.
-    fn new([x, y]: [[f64; 3]; 2], sigma: f64) -> SplatCovariance {
-        let square = sigma * sigma;
+    fn new([x, y]: [[f64; 3]; 2], settings: &JudgeSettings) -> SplatCovariance {
+        let square = settings.sigma * settings.sigma;
         let [x, y] = [x, y].map(glam::DVec3::from_array);
         let (xx, xy, yy) = (square * x.dot(x), square * x.dot(y), square * y.dot(y));
         let determinant = square * square * x.cross(y).length_squared();
@@ -61,7 +61,7 @@ impl SplatCovariance {
         // determinant.
         let widest = (xx + yy) / 2.0 + ((xx - yy) / 2.0).hypot(xy);
         let narrowest = if widest > 0.0 { determinant / widest } else { 0.0 };
-        let added = (f64::from(LOW_PASS).powi(2) - narrowest).max(0.0);
+        let added = (settings.low_pass.powi(2) - narrowest).max(0.0);
         let determinant = determinant + added * (xx + yy + added);
         SplatCovariance { xx: xx + added, xy, yy: yy + added, determinant, is_widened: added > 0.0 }
     }
@@ -86,7 +86,7 @@ impl<'a> SplatProjector<'a> {
         let lost = (-0.5 * settings.cut_off * settings.cut_off).exp();
         let footprint = match &view.map {
             PixelMap::Parallel { pixel_from_voxel, .. } => {
-                Some(SplatCovariance::new(pixel_from_voxel.map(|m| [m[0], m[1], m[2]]), settings.sigma))
+                Some(SplatCovariance::new(pixel_from_voxel.map(|m| [m[0], m[1], m[2]]), settings))
             }
             PixelMap::Perspective { .. } => None,
         };
@@ -125,7 +125,7 @@ impl<'a> SplatProjector<'a> {
                 // A pixel's solid angle is cos^3 / focal^2; the voxel is at the distance t2 / cos.
                 let slant = (1.0 + across * across + above * above).sqrt();
                 let centre = [centre[0] + focal * across, centre[1] - focal * above];
-                Some((centre, SplatCovariance::new(jacobian, self.settings.sigma), scale * scale * slant))
+                Some((centre, SplatCovariance::new(jacobian, self.settings), scale * scale * slant))
             }
             (PixelMap::Parallel { .. }, None) => None,
         }
@@ -136,18 +136,12 @@ impl<'a> SplatProjector<'a> {
         let SplatCovariance { xx, xy, yy, determinant, is_widened } = footprint;
         // The weight at the centre of a footprint, scaled so that the weights of a layer of voxels add up to 1.
         let weight = self.strength * density / determinant.sqrt();
-        let is_visible = self.peak(voxel, weight) > 0.0;
-        if !is_visible {
-            return;
-        }
-        let colour = self.colour(voxel);
-        let rays = self.rays.as_ref().filter(|_| !is_widened);
+        let rays = self.rays.as_ref().filter(|_| !is_widened).map(|rays| (rays, rays.lengths([x, y])));
         // For a pixel: by what the exponent and the depth at the centre are multiplied.
         let on_ray = |column: usize, row: usize| {
-            let Some(rays) = rays else { return [1.0; 2] };
-            let [[here, stretch], [there, at_centre]] =
-                [[column as f64, row as f64], [x, y]].map(|place| rays.lengths(place));
-            [(there / here).powi(2), stretch / at_centre]
+            let Some((rays, [at_centre, stretch_at_centre])) = rays else { return [1.0; 2] };
+            let [length, stretch] = rays.lengths([column as f64, row as f64]);
+            [(at_centre / length).powi(2), stretch / stretch_at_centre]
         };
         let cut = self.settings.cut_off * self.settings.cut_off;
         // The square of a direction's length is convex: it is largest in a corner.
@@ -162,9 +156,11 @@ impl<'a> SplatProjector<'a> {
         let reach = (cut * widest * yy).sqrt();
         let Some((first_row, last_row)) = whole(y - reach, y + reach, band.first_row, band.rows()) else { return };
         let reach_x = (cut * widest * xx).sqrt();
-        if whole(x - reach_x, x + reach_x, 0, band.columns).is_none() {
+        let is_visible = self.peak(voxel, weight) > 0.0 && whole(x - reach_x, x + reach_x, 0, band.columns).is_some();
+        if !is_visible {
             return;
         }
+        let colour = self.colour(voxel);
         for row in first_row..=last_row {
             let dy = row as f64 - y;
             let room = cut * widest - dy * dy / yy;

@@ -26,10 +26,11 @@ impl Judge {
                 return refused(what, "is not for the reference, which has its own order");
             }
         }
-        let draw = |camera: &Camera, settings: &Settings| {
+        let draw = |camera: &Camera, settings: &Settings, low_pass: f32| {
             let usual = JudgeSettings::new(settings.size);
             let own = JudgeSettings {
                 sigma: settings.kernel.map_or(usual.sigma, |kernel| kernel.sigma.into()),
+                low_pass: low_pass.into(),
                 mode: settings.mode,
                 blending: settings.blending,
                 lighting: settings.lighting,

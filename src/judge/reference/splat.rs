@@ -10,6 +10,7 @@
 
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
+use adjsplat::internals::LOW_PASS;
 use adjsplat::splat::{Blending, Camera, ClipPlane, Lighting, Mode, Quality, View, WorldFrame};
 use adjsplat::volume::SlabSource;
 use glam::DVec3;
@@ -29,6 +30,8 @@ pub struct JudgeSettings {
     pub sigma: f64,
     /// The radius of the kernel in standard deviations. Weights are scaled up by what the cut-off loses.
     pub cut_off: f64,
+    /// The smallest standard deviation of a footprint, in pixels: narrower ones are widened to it.
+    pub low_pass: f64,
     /// The order in which splats are composited.
     pub order: SplatOrder,
     /// How a splat covers a pixel: [`Blending::Exponential`] or [`Blending::Linear`].
@@ -59,6 +62,7 @@ impl JudgeSettings {
             size,
             sigma: f64::from(Quality::Reference.kernel().sigma),
             cut_off: 6.0,
+            low_pass: LOW_PASS.into(),
             order: SplatOrder::default(),
             blending: Blending::Exponential,
             mode: Mode::Composite,

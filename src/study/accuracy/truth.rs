@@ -5,7 +5,7 @@
 
 use super::view::JudgedView;
 use adjsplat::error::Result;
-use adjsplat::internals::{LOW_PASS, PixelMap, narrowest_sigma};
+use adjsplat::internals::{LOW_PASS, PixelMap, SPLAT_LOW_PASS, narrowest_sigma};
 use adjsplat::splat::{Frame, Quality, View};
 use adjsplat_judge::reference::{Judge, JudgeSettings, ReferencePicture};
 
@@ -33,7 +33,7 @@ pub(super) fn truth(judge: &Judge, view: &JudgedView, threads: usize) -> Result<
 }
 
 fn settings(size: [u32; 2], threads: usize) -> JudgeSettings {
-    JudgeSettings { threads, ..JudgeSettings::new(size) }
+    JudgeSettings { threads, low_pass: SPLAT_LOW_PASS.into(), ..JudgeSettings::new(size) }
 }
 
 /// Filters `fine` by a Gaussian of `sigma` fine pixels and keeps every [`FINER`]-th pixel.

@@ -7,7 +7,6 @@
 )]
 
 use super::{EMPTY, REACH, element};
-use adjsplat::internals::LOW_PASS;
 use adjsplat::internals::gpu_stages::{AffineRow, FrameUniform, NO_RECORD, NOTHING, Splat, VisitedVoxel};
 
 /// Coordinates beyond this are too large for exact pixels.
@@ -160,7 +159,7 @@ fn footprint(frame: &FrameUniform, x: [f32; 3], y: [f32; 3]) -> Footprint {
     let trace = xx + yy;
     let root = (trace * trace - 4.0 * determinant).max(0.0).sqrt();
     let narrowest = 2.0 * determinant / (trace + root).max(f32::MIN_POSITIVE);
-    let added = (LOW_PASS * LOW_PASS - narrowest).max(0.0);
+    let added = (frame.low_pass * frame.low_pass - narrowest).max(0.0);
     xx += added;
     yy += added;
     determinant = (determinant + added * (trace + added)).max(f32::MIN_POSITIVE);

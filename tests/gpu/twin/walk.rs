@@ -80,7 +80,7 @@ fn follow(frame: &FrameUniform, slab: &SlabWords, line: Line, first_slot: u32, v
     let mut put = |slot: u32, at: i32, k: u32| {
         let along = at.cast_unsigned() & 0xffff;
         let [u, v] = line.uv;
-        let [x, y, z] = match frame.fast_axis {
+        let [x, y, z] = match frame.nesting[2] {
             0 => [along, u, v],
             1 => [u, along, v],
             _ => [u, v, along],

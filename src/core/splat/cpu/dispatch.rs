@@ -64,7 +64,7 @@ for_each_instruction_set! {
 for_each_instruction_set! {
     /// Draws a projected block; returns how many splats were drawn.
     pub fn draw_block<B>(projector: &Projector, splats: &Splats, tiles: &mut TileBuffer) -> u64 {
-        raster::draw::<B>(tiles, splats, projector.near.as_ref(), [projector.cut, projector.stop])
+        raster::draw::<B>(tiles, splats, projector.rays.as_ref(), [projector.cut, projector.stop])
     }
 }
 

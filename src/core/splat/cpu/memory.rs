@@ -20,10 +20,10 @@ const THREAD_BYTES: u64 = 2 << 20;
 const TILE_BYTES: u64 = 16;
 /// Bytes of a walk per grid point of an axis: lines of a slice, gathered and reordered, and a batch of voxels.
 const POINT_BYTES: u64 = 64;
-/// Bytes per pixel, in a frame and in bands.
+/// Bytes per pixel of a frame, and of bands in a parallel view.
 pub const PIXEL_BYTES: u64 = 4 * size_of::<f32>() as u64;
-/// Bytes per pixel of bands: in a perspective, also two numbers of its ray.
-const BAND_PIXEL_BYTES: u64 = PIXEL_BYTES + 2 * size_of::<f32>() as u64;
+/// What bands have more per pixel in a perspective: two numbers of its ray.
+pub const RAY_BYTES: u64 = 2 * size_of::<f32>() as u64;
 
 /// Bytes per kept pixel of a lattice: in the frame that is warped, and marks of what is drawn.
 const LATTICE_PIXEL_BYTES: u64 = PIXEL_BYTES + 2;
@@ -72,7 +72,8 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
     // The depths are not known. The deeper voxels are, the finer is their lattice, until it is no longer worthwhile.
     let depths = (0..=DEPTHS).map(|index| MAX_DEPTH * (f64::from(index) / f64::from(DEPTHS)).powi(3));
     let canvases = depths.map(|deepest| canvas_of_depth(&view, &order, bounds, deepest, settings));
-    Ok(canvases.max_by_key(|canvas| memory_need(grid.dims, 0, *canvas, settings)).unwrap_or(Canvas::Picture))
+    let need = |canvas: &Canvas| memory_need(grid.dims, 0, *canvas, view.is_perspective(), settings);
+    Ok(canvases.max_by_key(need).unwrap_or(Canvas::Picture))
 }
 
 /// Returns where a view of voxels is drawn whose largest optical depth is `deepest`.
@@ -88,15 +89,19 @@ fn canvas_of_depth(view: &View, order: &Order, bounds: &VoxelBox, deepest: f64, 
 
 /// Returns an upper bound of the bytes that [`render`](super::render) allocates in addition to the lanes.
 ///
-/// `dims`: grid points along each axis; `tiles`: largest number of tiles of a lane; `canvas`: from [`canvas`].
-pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settings) -> u64 {
+/// `dims`: grid points along each axis; `tiles`: largest number of tiles of a lane; `canvas`: from [`canvas`]; `is_perspective`: whether
+/// the camera is one.
+pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, is_perspective: bool, settings: &Settings) -> u64 {
     let size = settings.size.map(u64::from);
     let threads = settings.threads as u64;
     let frame = |[columns, rows]: [u64; 2]| PIXEL_BYTES.saturating_mul(columns * rows);
     let bands = |size: [u64; 2]| match settings.blending {
-        // One thread, with a sheet as well as the picture.
-        Blending::Sheets => band_bytes(size, 1).saturating_mul(2),
-        Blending::Exponential | Blending::Linear => band_bytes(size, threads),
+        // One thread, with a sheet as well as the picture, and without rays.
+        Blending::Sheets => PIXEL_BYTES.saturating_mul(band_pixels(size, 1)).saturating_mul(2),
+        Blending::Exponential | Blending::Linear => {
+            let rays = if is_perspective { RAY_BYTES } else { 0 };
+            (PIXEL_BYTES + rays).saturating_mul(band_pixels(size, threads))
+        }
     };
     let longest = dims.into_iter().max().map_or(0, u64::from).max(2_048);
     let drawing = match canvas {
@@ -119,11 +124,11 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settin
     [drawing, TABLE_BYTES, threads.saturating_mul(walk)].into_iter().fold(frame(size), u64::saturating_add)
 }
 
-/// Returns the bytes of a picture's bands (the larger: of rows or of columns). Each band is padded by itself.
-fn band_bytes([columns, rows]: [u64; 2], threads: u64) -> u64 {
+/// Returns the pixels of a picture's bands (the larger: of rows or of columns). Each band is padded by itself.
+fn band_pixels([columns, rows]: [u64; 2], threads: u64) -> u64 {
     let by_rows = (columns + PADDING[0]) * (rows + threads * PADDING[1]);
     let by_columns = (columns + threads * PADDING[0]) * (rows + PADDING[1]);
-    BAND_PIXEL_BYTES.saturating_mul(by_rows.max(by_columns))
+    by_rows.max(by_columns)
 }
 
 #[cfg(test)]
@@ -148,7 +153,7 @@ mod tests {
                 let orbit = fov.map_or(orbit, |fov| orbit.with_perspective(fov));
                 let settings = Settings::new(size).with_threads(2);
                 let camera = Camera::orbiting(orbit, Surround::of_grid(&grid), size).unwrap();
-                let need = |canvas: Canvas| memory_need(grid.dims, 0, canvas, &settings);
+                let need = |canvas: Canvas| memory_need(grid.dims, 0, canvas, fov.is_some(), &settings);
                 let asked = need(canvas(&grid, &bounds, &camera, &settings).unwrap());
                 let view = View::new(&camera, &grid, size, settings.kernel(), settings.near).unwrap();
                 let order = walk_order(&view, &grid, &settings).unwrap();

@@ -47,9 +47,10 @@ use self::task::{BandStats, DrawTask, assemble, full_rect, pixels};
 use self::tile_buffer::Rect;
 use super::composite::{Blending, Mode, Table};
 use super::frame::Frame;
+use super::kernel::LOW_PASS;
 use super::levels::{LevelPart, facts_of, level_parts};
 use super::setup::FrameSetup;
-use super::supersample::Supersampling;
+use super::supersample::{Supersampling, splat_low_pass};
 use super::view::View;
 use super::{Camera, Scene, Settings, Stats};
 use crate::error::Result;
@@ -104,7 +105,7 @@ fn finer_for(
     let Some(finest) = finest else { return Ok(None) };
     let grid = &facts_of(scene, finest.level).grid;
     let all = VoxelBox { low: [0; 3], high: grid.dims.map(|points| (points - 1) as u16) };
-    let finer = Supersampling::of(grid, Some(all), camera, &finest.settings(scene, settings))?;
+    let (finer, _) = Supersampling::of(grid, Some(all), camera, &finest.settings(scene, settings))?;
     Ok(finer.filter(|finer| finer.samples() <= MIXED_SAMPLES))
 }
 
@@ -133,6 +134,11 @@ fn draw_scene(
     };
     let sample_grid =
         sample_grid.filter(|sample_grid| !matches!(sample_grid, SampleGrid::Lattice(lattice) if is_faint(lattice)));
+    let supersampling = match &sample_grid {
+        Some(SampleGrid::Supersampling(supersampling)) => Some(supersampling),
+        _ => None,
+    };
+    setup.low_pass = bounds.map_or(LOW_PASS, |bounds| splat_low_pass(&setup.view, &bounds, settings, supersampling));
     let draw = |view: View, front: Option<&Front>| {
         let settings = &Settings { size: view.size, ..settings.clone() };
         let mut setup = FrameSetup { view, ..setup.clone() };
@@ -256,7 +262,7 @@ fn blended<B: Blend>(
 /// Marks the records that a view shows. A record is shown if, at any pixel of its footprint, the transmittance in front
 /// of it is at least the termination threshold of `settings`.
 ///
-/// Composites front to back, on one thread. Takes 16 bytes per pixel, for at most 2^22 pixels (or one row) at a time.
+/// Composites front to back, on one thread. Takes 16 bytes per pixel (24 in a perspective), for at most 2^22 pixels (or one row) at a time.
 ///
 /// # Errors
 /// Returns the errors of [`render`].

@@ -17,7 +17,7 @@ use crate::classify::normal::{self, Coherence};
 use crate::error::Result;
 use crate::splat::arith::at_least;
 use crate::splat::kernel::{Ellipse, footprint};
-use crate::splat::near::{NearKernel, NearView};
+use crate::splat::near::{EyeRays, NearKernel};
 use crate::splat::view::{Affine, PixelMap, single};
 use crate::splat::{Frame, Settings};
 use crate::traverse::Batch;
@@ -139,10 +139,10 @@ pub(super) fn draw_on_lattice<B: Blend>(
     Ok((kept, BandStats::of(&bands)))
 }
 
-/// What a voxel adds to pixels: the kernel's footprint (with a view if it is on rays), or if it is near the eye, its depth along each ray.
+/// What a voxel adds to pixels: the kernel's footprint (with rays if it is on rays), or if it is near the eye, its depth along each ray.
 enum Splat<'a> {
-    Footprint { kernel: SplatKernel, view: Option<&'a NearView> },
-    Near { view: &'a NearView, kernel: NearKernel, depth: f32 },
+    Footprint { kernel: SplatKernel, rays: Option<&'a EyeRays> },
+    Near { rays: &'a EyeRays, kernel: NearKernel, depth: f32 },
 }
 
 impl Splat<'_> {
@@ -160,9 +160,9 @@ impl Splat<'_> {
     /// Returns the optical depth at a pixel, in units of ln 2.
     fn depth(&self, column: i32, row: i32) -> f32 {
         match self {
-            Splat::Footprint { kernel, view } => kernel.depth(column, row, *view),
-            Splat::Near { view, kernel, depth } => {
-                let [depth] = view.depths(kernel, &view.rays([column], [row]), *depth);
+            Splat::Footprint { kernel, rays } => kernel.depth(column, row, *rays),
+            Splat::Near { rays, kernel, depth } => {
+                let [depth] = rays.depths(kernel, &rays.rays([column], [row]), *depth);
                 depth
             }
         }
@@ -272,9 +272,9 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize,
         let ((x, offset_x), (y, offset_y)) = (nearest_pixel(column), nearest_pixel(row));
         Centre { x, y, offset_x, offset_y }
     };
-    let footprint_at = |centre: Centre, ellipse: Ellipse, strength: f32, view: Option<&'a NearView>| {
-        let peak = if view.is_some() { depth * strength } else { limited(depth, strength) };
-        let splat = Splat::Footprint { kernel: SplatKernel { centre, ellipse, cut: projector.cut, peak }, view };
+    let footprint_at = |centre: Centre, ellipse: Ellipse, strength: f32, rays: Option<&'a EyeRays>| {
+        let peak = if rays.is_some() { depth * strength } else { limited(depth, strength) };
+        let splat = Splat::Footprint { kernel: SplatKernel { centre, ellipse, cut: projector.cut, peak }, rays };
         (strength > 0.0 && peak > 0.0).then_some(splat)
     };
     match &projector.map {
@@ -288,20 +288,20 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize,
             // The comparison is false for NaN.
             let is_far = t2 >= *far;
             if !is_far {
-                let view = projector.near.as_ref()?;
+                let rays = projector.rays.as_ref()?;
                 let mut voxel = [0.0; 3];
                 projector.slow_medium_fast.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
-                let kernel = view.kernel(voxel, t2)?;
-                return (depth > 0.0).then_some(Splat::Near { view, kernel, depth });
+                let kernel = rays.kernel(voxel, t2)?;
+                return (depth > 0.0).then_some(Splat::Near { rays, kernel, depth });
             }
             let inverse_depth = 1.0 / t2;
             let (right, up) = (t0 * inverse_depth, t1 * inverse_depth);
             let (tan_x, tan_y, nearness) = (right as f32, up as f32, inverse_depth as f32);
             let rows = jacobian(&camera_from_voxel.each_ref().map(single), tan_x, tan_y, *focal as f32 * nearness);
             let rows = if projector.is_on_grid() { rows } else { widened(rows, projector.widths.of(shape)) };
-            let rays = projector.near.as_ref()?;
+            let rays = projector.rays.as_ref()?;
             let (square, closeness) = (rays.square(tan_x, tan_y), projector.reach_forward(rays) * nearness);
-            let footprint = footprint(rows, projector.sigma, projector.cut_off);
+            let footprint = footprint(rows, projector.sigma, projector.cut_off, projector.low_pass);
             let footprint = footprint.in_perspective(square, slant(tan_x, tan_y), closeness);
             let strength = projector.strength * footprint.density * (nearness * nearness);
             let rays = (!footprint.is_widened).then_some(rays);

@@ -1,7 +1,7 @@
 //! Stage 1: from voxels to splats.
 //!
 //! In: up to a block of voxels and their records. Out: their footprints, colours and peaks (optical depths at the
-//! centres). Every loop over a block treats each voxel by itself, so that vector instructions can treat many at once:
+//! centres; on rays, for a stretch of 1). Every loop over a block treats each voxel by itself, so that vector instructions can treat many at once:
 //!
 //! ```text
 //! place     centre, ellipse, bounding box             all voxels of the block
@@ -21,7 +21,7 @@ use crate::splat::block_kernel::{SHAPES, Widths, shape};
 use crate::splat::clip::{ClipRegion, IndexPlane};
 use crate::splat::composite::Table;
 use crate::splat::kernel::{Ellipse, Footprint, footprint};
-use crate::splat::near::NearView;
+use crate::splat::near::EyeRays;
 use crate::splat::setup::FrameSetup;
 use crate::splat::shade::Lights;
 use crate::splat::view::{Affine, PixelMap, single};
@@ -39,13 +39,15 @@ pub struct Projector<'a> {
     pub(super) cut_off: f32,
     /// The exponent of the kernel at the cut-off radius, in units of ln 2.
     pub(super) cut: f32,
+    /// The low-pass of footprints, in pixels.
+    pub(super) low_pass: f32,
     /// Transmittance below which a pixel no longer changes; 0 for never.
     pub(super) stop: f32,
     /// Indices of the slow, medium and fast axis.
     pub slow_medium_fast: [usize; 3],
     pub(super) map: PixelMap,
-    /// What voxels near the eye need; `None` in parallel views.
-    pub(super) near: Option<NearView>,
+    /// The rays of a perspective's pixels; `None` in parallel views.
+    pub(super) rays: Option<EyeRays>,
     /// The footprint that all voxels of a parallel view share; all fields are 0 in perspective.
     pub(super) ellipse: Ellipse,
     /// The same and `strength` for each shape of a kernel, in a parallel view of voxels beside points of the grid.
@@ -63,11 +65,11 @@ pub struct Projector<'a> {
 impl<'a> Projector<'a> {
     /// Creates the projector of a frame. `stop`: transmittance below which a pixel no longer changes; 0 for never.
     pub fn new(setup: &FrameSetup<'a>, table: &'a Table<'a>, stop: f32) -> Projector<'a> {
-        let FrameSetup { view, order, lane, lights, kernel, widths, clip, .. } = setup;
+        let FrameSetup { view, order, lane, lights, kernel, widths, low_pass, clip, .. } = setup;
         let (sigma, cut_off, normalisation) = (kernel.sigma, kernel.cut_off(), kernel.normalisation());
         let (ellipse, strength) = match &view.map {
             PixelMap::Parallel { pixel_from_voxel, scale } => {
-                let footprint = footprint(pixel_from_voxel.each_ref().map(single), sigma, cut_off);
+                let footprint = footprint(pixel_from_voxel.each_ref().map(single), sigma, cut_off, *low_pass);
                 (footprint.ellipse, normalisation * footprint.density * (scale * scale) as f32)
             }
             PixelMap::Perspective { focal, .. } => (Ellipse::default(), normalisation * (focal * focal) as f32),
@@ -77,7 +79,8 @@ impl<'a> Projector<'a> {
                 let rows = pixel_from_voxel.each_ref().map(single);
                 let per_density = normalisation * (scale * scale) as f32;
                 let of_shape = |shape| {
-                    let Footprint { ellipse, density, .. } = footprint(widened(rows, widths.of(shape)), sigma, cut_off);
+                    let rows = widened(rows, widths.of(shape));
+                    let Footprint { ellipse, density, .. } = footprint(rows, sigma, cut_off, *low_pass);
                     (ellipse, per_density * density)
                 };
                 Some(Box::new(std::array::from_fn(of_shape)))
@@ -92,10 +95,11 @@ impl<'a> Projector<'a> {
             sigma,
             cut_off,
             cut: kernel.cut(),
+            low_pass: *low_pass,
             stop,
             slow_medium_fast: [order.slow.index(), order.medium.index(), order.fast.index()],
             map: view.map,
-            near: NearView::new(view, setup.near_kernel),
+            rays: EyeRays::new(view, setup.near_kernel),
             ellipse,
             shapes,
             widths: *widths,
@@ -109,27 +113,31 @@ impl<'a> Projector<'a> {
     pub fn of_cubes(&self, edge: u32) -> Projector<'a> {
         let width = edge as f32;
         let sigma = self.sigma * width;
-        let (ellipse, strength) = match &self.map {
+        let mut map = self.map;
+        let (ellipse, strength) = match &mut map {
             PixelMap::Parallel { pixel_from_voxel, .. } => {
                 let rows = pixel_from_voxel.each_ref().map(single);
-                let (one, many) = (footprint(rows, self.sigma, self.cut_off), footprint(rows, sigma, self.cut_off));
+                let [one, many] = [self.sigma, sigma].map(|sigma| footprint(rows, sigma, self.cut_off, self.low_pass));
                 (many.ellipse, self.strength * (many.density / one.density))
             }
-            PixelMap::Perspective { .. } => (self.ellipse, self.strength),
+            PixelMap::Perspective { near, .. } => {
+                *near *= f64::from(edge);
+                (self.ellipse, self.strength)
+            }
         };
-        let near = self.near.as_ref().map(|near| near.wider(width));
-        Projector { sigma, ellipse, strength: strength * width.powi(3), near, shapes: None, ..*self }
+        let rays = self.rays.as_ref().map(|rays| rays.wider(width));
+        Projector { sigma, map, ellipse, strength: strength * width.powi(3), rays, shapes: None, ..*self }
     }
 
     /// Returns how far the widest kernel reaches forward from its centre in a perspective, in mean spacings.
     #[inline(always)]
-    pub(super) fn reach_forward(&self, rays: &NearView) -> f32 {
+    pub(super) fn reach_forward(&self, rays: &EyeRays) -> f32 {
         self.sigma * self.cut_off * rays.steepness
     }
 
     /// Returns whether the view is a perspective.
     pub fn is_perspective(&self) -> bool {
-        self.near.is_some()
+        self.rays.is_some()
     }
 
     /// Returns half the width and height of a footprint's box in a parallel view, in pixels; 0 in perspective.
@@ -218,7 +226,7 @@ impl<'a> Projector<'a> {
                 (camera_from_voxel, focal, centre, near)
             }
         };
-        let Some(rays) = &self.near else { return };
+        let Some(rays) = &self.rays else { return };
         let steps = camera_from_voxel.each_ref().map(single);
         let [right, up, forward] = camera_from_voxel.map(|map| self.nested(&map));
         let reach = self.reach_forward(rays);
@@ -239,8 +247,8 @@ impl<'a> Projector<'a> {
                     Some(shapes) => widened(rows, self.widths.of(shapes[from + j].into())),
                 };
                 let square = rays.square(tan_x, tan_y);
-                let Footprint { ellipse, density, is_widened } =
-                    footprint(rows, sigma, cut_off).in_perspective(square, slant(tan_x, tan_y), reach * nearness);
+                let Footprint { ellipse, density, is_widened } = footprint(rows, sigma, cut_off, self.low_pass)
+                    .in_perspective(square, slant(tan_x, tan_y), reach * nearness);
                 let strength = keep_if(in_front, strength * density * (nearness * nearness));
                 part.on_rays[j] = !is_widened;
                 part.set(j, [centre_x + focal * tan_right, centre_y - focal * tan_up], &ellipse, strength);
@@ -274,7 +282,7 @@ impl<'a> Projector<'a> {
         let Splats { places, near, .. } = out;
         near.clear();
         let (Some(view), PixelMap::Perspective { camera_from_voxel: [_, _, forward], near: far, .. }) =
-            (&self.near, &self.map)
+            (&self.rays, &self.map)
         else {
             return;
         };
@@ -402,8 +410,8 @@ pub(super) fn affine_at(map: &Affine, [slow, medium, fast]: [f64; 3]) -> f64 {
 }
 
 impl Splats {
-    /// Turns each kept splat's optical depth per mean spacing into that at the splat's centre; on rays, over the stretch of the ray. That
-    /// of a voxel near the eye stays.
+    /// Turns each kept splat's optical depth per mean spacing into that at the splat's centre; on rays, that divided by the ray's
+    /// stretch. That of a voxel near the eye stays.
     #[inline(always)]
     pub fn apply_strengths(&mut self) {
         for k in 0..self.count {

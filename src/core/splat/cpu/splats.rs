@@ -4,13 +4,16 @@
 //! q     = u_factor * u^2 + y_factor * y^2, u = x - shear * y     from the centre, in units of ln 2; cut off at `cut`
 //! depth = peak * 2^-q
 //! ```
+//!
+//! For a splat on rays (`Footprint::in_perspective`) these are the numbers of a ray of length and stretch 1: at a pixel, q is multiplied
+//! by its ray's `per_square`, the peak by its `stretch`, and the cut-off is that of the product.
 
 use super::tile_buffer::{COLUMN, ROW, Rect, TILE_PIXELS, TILE_SHIFT};
 use super::voxel_block::BLOCK;
 use crate::splat::arith::{at_least, at_most, exp2_neg, keep_if};
 use crate::splat::composite::Look;
 use crate::splat::kernel::Ellipse;
-use crate::splat::near::{NearKernel, NearView, RayLengths, ray_depth};
+use crate::splat::near::{EyeRays, NearKernel, RayLengths, ray_depth};
 
 /// The centres and bounding boxes of splats in one direction, x or y, in pixels.
 pub(super) struct Extents<const N: usize> {
@@ -71,7 +74,8 @@ pub struct Splats {
     pub(super) places: SplatPlaces<BLOCK>,
     /// The voxels of the block that are near the eye, by their indices, which ascend.
     pub(super) near: Vec<(u8, NearKernel)>,
-    /// Red, green, blue, and the optical depth at the centre (the *peak*), in units of ln 2; 0 if the splat is not drawn.
+    /// Red, green, blue, and the optical depth at the centre (the *peak*), in units of ln 2, if on rays for a stretch of 1; 0 if the splat
+    /// is not drawn.
     pub looks: [Look; BLOCK],
 }
 
@@ -149,14 +153,14 @@ pub(super) struct TileRow {
 }
 
 impl SplatKernel {
-    /// Returns the optical depth at a pixel, in units of ln 2; `view` has the rays if the splat is on rays.
-    pub(super) fn depth(&self, x: i32, y: i32, view: Option<&NearView>) -> f32 {
+    /// Returns the optical depth at a pixel, in units of ln 2; `rays` if the splat is on rays.
+    pub(super) fn depth(&self, x: i32, y: i32, rays: Option<&EyeRays>) -> f32 {
         let root = self.ellipse.u_factor.sqrt();
         let first_row = ((y & !3) - self.centre.y) as f32;
         let (distance, exponent) = self.terms(root, first_row, (x & 3) as f32, (y & 3) as f32);
         let first_column = ((x & !3) - self.centre.x) as f32 * root;
-        let Some(view) = view else { return self.depth_at(first_column, distance, exponent) };
-        let RayLengths { per_square: [per_square], stretch: [stretch] } = view.lengths([x], [y]);
+        let Some(rays) = rays else { return self.depth_at(first_column, distance, exponent) };
+        let RayLengths { per_square: [per_square], stretch: [stretch] } = rays.lengths([x], [y]);
         self.depth_on_ray(first_column, distance, exponent, [per_square, stretch])
     }
 

@@ -16,7 +16,7 @@ use super::bit_rows::BitRows;
 use super::blend::Blend;
 use crate::error::Result;
 use crate::splat::frame::zeroed;
-use crate::splat::near::{NearView, RayLengths};
+use crate::splat::near::{EyeRays, RayLengths};
 
 /// Base-2 logarithm of the side of a tile in pixels.
 pub(super) const TILE_SHIFT: i32 = 2;
@@ -175,12 +175,12 @@ impl TileBuffer {
         &mut self,
         column: i32,
         row: i32,
-        view: &NearView,
+        rays: &EyeRays,
     ) -> Option<(usize, &mut PixelTile, &RayLengths<TILE_PIXELS>)> {
         let (index, _) = self.tile(column, row)?;
         let lengths = &mut self.lengths[index];
         if lengths.per_square[0] == 0.0 {
-            *lengths = tile_lengths(view, column, row);
+            *lengths = tile_lengths(rays, column, row);
         }
         Some((index, &mut self.tiles[index], lengths))
     }
@@ -328,9 +328,9 @@ pub(super) fn halve_rows(pixels: &[[f32; 4]], columns: usize, halves: [bool; 2],
 
 /// Returns the lengths of the rays of a tile's pixels.
 #[inline(never)]
-fn tile_lengths(view: &NearView, column: i32, row: i32) -> RayLengths<TILE_PIXELS> {
+fn tile_lengths(rays: &EyeRays, column: i32, row: i32) -> RayLengths<TILE_PIXELS> {
     let (columns, rows) = tile_pixels(column, row);
-    view.lengths(columns, rows)
+    rays.lengths(columns, rows)
 }
 
 /// Returns the columns and the rows of a tile's pixels.

@@ -16,7 +16,7 @@ use crate::splat::arith::LOG2_E;
 use crate::splat::clip::{ClipRegion, IndexPlane};
 use crate::splat::cpu::scatter::maximum::Rays;
 use crate::splat::kernel::{KernelShape, footprint};
-use crate::splat::near::NearView;
+use crate::splat::near::EyeRays;
 use crate::splat::setup::FrameSetup as Shot;
 use crate::splat::view::{Affine, PixelMap, View, single};
 use crate::traverse::{AxisOrder, Sense, SplitForm};
@@ -72,7 +72,6 @@ pub struct FrameUniform {
     pub eye_twice: i32,
     pub fast_order: u32,
     pub is_back_to_front: u32,
-    pub fast_axis: u32,
     pub longest_line: u32,
     pub line_end_bytes: u32,
     pub value_bits: u32,
@@ -84,6 +83,7 @@ pub struct FrameUniform {
     pub mask_words: u32,
     pub picture_rows: u32,
     pub near_sigma: f32,
+    pub low_pass: f32,
 }
 
 /// A run of consecutive records that fits into the buffers of a frame.
@@ -169,7 +169,7 @@ impl FrameUniform {
         let padded = |v: [f32; 3]| [v[0], v[1], v[2], 0.0];
         let maps: &[Affine] = match &view.map {
             PixelMap::Parallel { pixel_from_voxel, scale } => {
-                let footprint = footprint(pixel_from_voxel.each_ref().map(single), sigma, cut_off);
+                let footprint = footprint(pixel_from_voxel.each_ref().map(single), sigma, cut_off, shot.low_pass);
                 let strength = kernel.normalisation() * footprint.density * (scale * scale) as f32;
                 let ellipse = footprint.ellipse;
                 uniform.ellipse = [ellipse.u_factor, ellipse.y_factor, ellipse.shear, strength];
@@ -213,6 +213,7 @@ impl FrameUniform {
         }
         (uniform.sigma, uniform.cut_off, uniform.cut_exponent) = (sigma, cut_off, kernel.cut());
         uniform.near_sigma = shot.near_kernel.sigma;
+        uniform.low_pass = shot.low_pass;
         uniform.max_depth = MAX_DEPTH as f32 * LOG2_E;
         uniform.window = window;
         let ClipRegion { crop, plane } = shot.clip;
@@ -232,8 +233,7 @@ impl FrameUniform {
                 uniform.is_back_to_front = (sense == Sense::BackToFront).into();
             }
         }
-        uniform.fast_axis = fast.index() as u32;
-        uniform.nesting = [shot.order.slow.index() as u32, shot.order.medium.index() as u32, uniform.fast_axis];
+        uniform.nesting = [shot.order.slow, shot.order.medium, fast].map(|axis| axis.index() as u32);
         uniform.longest_line = dims[fast.index()];
         uniform.line_end_bytes = line_end_bytes(uniform.longest_line).into();
         uniform.value_bits = channels.value_bits.into();
@@ -251,11 +251,11 @@ impl FrameUniform {
         self.rays[2][3] *= factor;
     }
 
-    /// Sets what the voxels near the eye of a perspective view need.
+    /// Sets the rays of a perspective's pixels, and what voxels near the eye need.
     fn set_near(&mut self, view: &View, kernel: KernelShape) {
         // Farther eyes have no voxels near them; the limit keeps squares finite.
         const FAR: f64 = 1e9;
-        let Some(near) = NearView::new(view, kernel) else { return };
+        let Some(near) = EyeRays::new(view, kernel) else { return };
         let eye = near.eye.to_array().map(|c| c.clamp(-FAR, FAR));
         let [right, up, forward] = [near.right, near.up, near.forward];
         let extended = |[x, y, z]: [f32; 3], w: f32| [x, y, z, w];

@@ -49,6 +49,7 @@ use self::probe::ProbeCallback;
 pub use self::resident::Resident;
 pub use self::resolve::RenderTarget;
 use self::slab_buffers::SlabBuffers;
+use super::kernel::LOW_PASS;
 use super::levels::{LevelPart, LevelScene, facts_of, level_parts};
 use super::setup::FrameSetup as Shot;
 use super::supersample::Supersampling;
@@ -258,7 +259,9 @@ impl<'a> GpuRenderer<'a> {
     /// The errors of [`GpuRenderer::render`].
     pub async fn render_async(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, GpuStats)> {
         let parts = self.parts(camera, settings)?;
-        let Some(supersampling) = self.supersampling(&parts, camera, settings)? else {
+        let (supersampling, low_pass) = self.supersampling(&parts, camera, settings)?;
+        let settings = &Settings { low_pass, ..settings.clone() };
+        let Some(supersampling) = supersampling else {
             return self.one_sample(&parts, camera, settings, None).await;
         };
         let (camera, of_samples) = supersampling.of_samples(camera, settings);
@@ -282,24 +285,26 @@ impl<'a> GpuRenderer<'a> {
         if part.level == 0 { Ok(None) } else { part.scene(&self.scene).map(Some) }
     }
 
-    /// Returns the finest supersampling that any part asks for, as all are drawn into the same samples.
+    /// Returns the finest supersampling and the widest low-pass of splats that any part asks for, as all are drawn into the same samples.
     fn supersampling(
         &self,
         parts: &[LevelPart],
         camera: &Camera,
         settings: &Settings,
-    ) -> Result<Option<Supersampling>> {
-        let mut finest = None;
+    ) -> Result<(Option<Supersampling>, f32)> {
+        let (mut finest, mut widest) = (None, 0.0f32);
         // Computing the bounds takes a pass over all tiles; pictures with one sample per pixel do not need them.
         for part in if settings.keeps_pixels() { &[] } else { parts } {
             let level = self.coarser(part)?;
             let scene = level.as_ref().map_or(self.scene, LevelScene::scene);
             let bounds = scene.lanes.lane(Axis::X)?.bounds().map(|(low, high)| VoxelBox { low, high });
             let bounds = bounds.filter(|bounds| part.crop.is_none_or(|crop| crop.meets(bounds)));
-            let asked = Supersampling::of(&scene.facts.grid, bounds, camera, &part.settings(&self.scene, settings))?;
+            let settings = part.settings(&self.scene, settings);
+            let (asked, low_pass) = Supersampling::of(&scene.facts.grid, bounds, camera, &settings)?;
             finest = Supersampling::finer(finest, asked);
+            widest = if bounds.is_some() { widest.max(low_pass) } else { widest };
         }
-        Ok(finest)
+        Ok((finest, if widest > 0.0 { widest } else { LOW_PASS }))
     }
 
     /// Draws a frame with one sample a pixel, and calls `probe` after each chunk.

@@ -11,16 +11,16 @@ use crate::splat::cpu::blend::Blend;
 use crate::splat::cpu::splats::{SplatKernel, Splats};
 use crate::splat::cpu::tile_buffer::{TILE_PIXELS, TILE_SHIFT, TileBuffer, tile_pixels};
 use crate::splat::cpu::voxel_block::BLOCK;
-use crate::splat::near::{NearKernel, NearView};
+use crate::splat::near::{EyeRays, NearKernel};
 
-/// Draws a block's kept splats; `near` is the view of voxels near the eye. Returns how many touched the band.
+/// Draws a block's kept splats; `rays` are those of a perspective. Returns how many touched the band.
 ///
 /// `cut` is the exponent at the kernel's cut-off, `stop` the transmittance below which a pixel no longer changes.
 #[inline(always)]
 pub(in super::super) fn draw<B: Blend>(
     tiles: &mut TileBuffer,
     splats: &Splats,
-    near: Option<&NearView>,
+    rays: Option<&EyeRays>,
     [cut, stop]: [f32; 2],
 ) -> u64 {
     let mut drawn = 0;
@@ -35,18 +35,18 @@ pub(in super::super) fn draw<B: Blend>(
         drawn += 1;
         let place = [[low_x >> TILE_SHIFT, high_x >> TILE_SHIFT], [low_y >> TILE_SHIFT, high_y >> TILE_SHIFT]];
         let colour = [red, green, blue];
-        if let (Some(view), Some(kernel)) = (near, splats.near(j)) {
-            draw_near::<B>(tiles, view, kernel, peak, place, colour, stop);
+        if let (Some(rays), Some(kernel)) = (rays, splats.near(j)) {
+            draw_near::<B>(tiles, rays, kernel, peak, place, colour, stop);
             continue;
         }
         let kernel = SplatKernel { centre: splats.centre(j), ellipse: splats.ellipse(j), cut, peak };
-        match near.filter(|_| splats.is_on_rays(j)) {
+        match rays.filter(|_| splats.is_on_rays(j)) {
             None if peak <= SMALL_DEPTH => draw_splat::<B, true>(tiles, &kernel, place, colour, stop),
             None => draw_splat::<B, false>(tiles, &kernel, place, colour, stop),
-            Some(view) if peak * view.most_stretch <= SMALL_DEPTH => {
-                draw_on_rays::<B, true>(tiles, view, &kernel, place, colour, stop);
+            Some(rays) if peak * rays.most_stretch <= SMALL_DEPTH => {
+                draw_on_rays::<B, true>(tiles, rays, &kernel, place, colour, stop);
             }
-            Some(view) => draw_on_rays::<B, false>(tiles, view, &kernel, place, colour, stop),
+            Some(rays) => draw_on_rays::<B, false>(tiles, rays, &kernel, place, colour, stop),
         }
     }
     drawn
@@ -87,7 +87,7 @@ fn draw_splat<B: Blend, const IS_SMALL: bool>(
 #[inline(always)]
 fn draw_on_rays<B: Blend, const IS_SMALL: bool>(
     tiles: &mut TileBuffer,
-    view: &NearView,
+    rays: &EyeRays,
     kernel: &SplatKernel,
     [[left, right], [top, bottom]]: [[i32; 2]; 2],
     colour: [f32; 3],
@@ -98,12 +98,12 @@ fn draw_on_rays<B: Blend, const IS_SMALL: bool>(
         let tile_row = kernel.tile_row(root, row);
         let (mut from, mut to) = (left, right);
         if right - left >= WIDE {
-            // The square of a direction's length is convex: it is largest at an end of the row.
-            let [first, last] = kernel.chord(row, view.largest_square([left, right + 1], [row, row + 1]));
+            // The square of a direction's length is convex: it is largest at a corner of the row of tiles.
+            let [first, last] = kernel.chord(row, rays.largest_square([left, right + 1], [row, row + 1]));
             (from, to) = (from.max(first), to.min(last));
         }
         for column in from..to + 1 {
-            let Some((index, tile, lengths)) = tiles.tile_and_rays(column, row, view) else { continue };
+            let Some((index, tile, lengths)) = tiles.tile_and_rays(column, row, rays) else { continue };
             let mut amounts = kernel.depths_on_rays(root, &tile_row, column, lengths);
             for i in 0..TILE_PIXELS {
                 amounts[i] = B::amount::<IS_SMALL>(amounts[i]);
@@ -119,7 +119,7 @@ fn draw_on_rays<B: Blend, const IS_SMALL: bool>(
 #[inline(always)]
 fn draw_near<B: Blend>(
     tiles: &mut TileBuffer,
-    view: &NearView,
+    rays: &EyeRays,
     kernel: &NearKernel,
     peak: f32,
     [[left, right], [top, bottom]]: [[i32; 2]; 2],
@@ -130,7 +130,7 @@ fn draw_near<B: Blend>(
         for column in left..right + 1 {
             let Some((index, tile)) = tiles.tile(column, row) else { continue };
             let (columns, rows) = tile_pixels(column, row);
-            let mut amounts = view.depths(kernel, &view.rays(columns, rows), peak);
+            let mut amounts = rays.depths(kernel, &rays.rays(columns, rows), peak);
             for i in 0..TILE_PIXELS {
                 amounts[i] = B::amount::<false>(amounts[i]);
             }

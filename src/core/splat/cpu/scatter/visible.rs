@@ -31,9 +31,9 @@ impl VisibleRecords<'_> {
             }
             let (centre, ellipse) = (splats.centre(j), splats.ellipse(j));
             let kernel = SplatKernel { centre, ellipse, cut: projector.cut, peak: 1.0 };
-            let depth = |x, y| match (&projector.near, splats.near(j)) {
-                (Some(view), Some(kernel)) => view.depths(kernel, &view.rays([x], [y]), 1.0)[0],
-                (view, _) => kernel.depth(x, y, view.as_ref().filter(|_| splats.is_on_rays(j))),
+            let depth = |x, y| match (&projector.rays, splats.near(j)) {
+                (Some(rays), Some(kernel)) => rays.depths(kernel, &rays.rays([x], [y]), 1.0)[0],
+                (rays, _) => kernel.depth(x, y, rays.as_ref().filter(|_| splats.is_on_rays(j))),
             };
             let ([low_x, high_x], [low_y, high_y]) = splats.clipped(j, tiles.rect);
             let mut pixels = (low_y..=high_y).flat_map(|y| (low_x..=high_x).map(move |x| (x, y)));

@@ -47,13 +47,12 @@ struct FrameUniform {
     rays: array<vec4<f32>, 3>,
     eye_voxel: vec4<f32>, // The eye in voxel coordinates, rounded. w: radius of the kernel, in voxels.
     eye_rest: vec4<f32>, // What the eye has beyond that. w: near voxels with a smaller depth are not drawn.
-    nesting: vec3<u32>, // The slow, medium and fast axis: 0, 1 or 2.
+    nesting: vec3<u32>, // The slow, medium and fast axis: 0, 1 or 2. The lane's is the fast one.
     coverage_bits: u32, // Bits of a coverage code: 8 or 16; 0 if all voxels are wholly visible.
     eye_ceil: i32, // The eye's coordinate on the fast axis, rounded up.
     eye_twice: i32, // Twice that coordinate, rounded down.
     fast_order: u32, // ASCENDING, DESCENDING, SPLIT or INTERLEAVED.
     is_back_to_front: u32, // 1 if voxels far from the eye come first, else 0.
-    fast_axis: u32, // Axis of the lane: 0, 1 or 2.
     longest_line: u32, // Most records that a line may have.
     line_end_bytes: u32, // How many bytes store the end offset of a scan line: 2 or 4.
     value_bits: u32, // Bits of a value code: 8 or 16.
@@ -65,6 +64,7 @@ struct FrameUniform {
     mask_words: u32, // Number of 32-bit words of a tile's mask and its summary.
     picture_rows: u32, // Rows of the whole picture.
     near_sigma: f32, // Standard deviation of the kernels of voxels near the eye, in voxels.
+    low_pass: f32, // Smallest sigma of a footprint, in pixels.
 }
 
 const ASCENDING: u32 = 0u;
@@ -107,7 +107,7 @@ struct Splat {
     falloff_x: f32, // Exponent per squared pixel of distance from the ridge along a row, in units of ln 2.
     falloff_y: f32, // Exponent per squared pixel from row to row, in units of ln 2.
     shear: f32, // By how many columns the ellipse's ridge moves per row.
-    // Optical depth at the centre in units of ln 2. Of a voxel near the eye: that of the voxel.
+    // Optical depth at the centre in units of ln 2; on rays, that divided by the ray's stretch. Of a voxel near the eye: that of the voxel.
     peak: f32,
     red: f32, // Linear colour, lit.
     green: f32,

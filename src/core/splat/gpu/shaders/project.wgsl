@@ -22,7 +22,6 @@
 override IS_MAXIMUM: bool; // Whether splats are values to interpolate; else they are footprints.
 override HAS_NEAR: bool; // Whether voxels may be near the eye. In a maximum none is.
 
-const LOW_PASS: f32 = 0.6; // Smallest sigma of a footprint in pixels.
 const REACH: f32 = 2097152.0; // Largest half-width of a footprint in pixels.
 const TINY: f32 = 1.17549435e-38; // Smallest normal number of single precision.
 const FAR: f32 = 5.0e8; // Pixel coordinates beyond this cannot be exact.
@@ -127,7 +126,7 @@ fn footprint(x: vec3<f32>, y: vec3<f32>) -> Footprint {
     let trace = xx + yy;
     let root = sqrt(max(trace * trace - 4.0 * determinant, 0.0));
     let narrowest = 2.0 * determinant / max(trace + root, TINY);
-    let added = max(LOW_PASS * LOW_PASS - narrowest, 0.0);
+    let added = max(frame.low_pass * frame.low_pass - narrowest, 0.0);
     xx += added;
     yy += added;
     determinant = max(determinant + added * (trace + added), TINY);
@@ -138,7 +137,7 @@ fn footprint(x: vec3<f32>, y: vec3<f32>) -> Footprint {
     );
 }
 
-// Returns the footprint of a perspective: kernel.rs, in_perspective.
+// Returns this footprint as a perspective needs it: kernel.rs, in_perspective.
 fn in_perspective(ellipse: Footprint, square: f32, slant: f32, closeness: f32) -> Footprint {
     if ellipse.on_rays == 0.0 {
         return Footprint(

@@ -75,9 +75,9 @@ fn distance(step: i32) -> i32 {
 fn write_voxel(slot: u32, at: i32, line: vec2<u32>, record: u32, step: i32) {
     let coordinate = u32(at) & 0xffffu;
     var xyz = vec3<u32>(coordinate, line.x, line.y);
-    if frame.fast_axis == 1u {
+    if frame.nesting.z == 1u {
         xyz = vec3<u32>(line.x, coordinate, line.y);
-    } else if frame.fast_axis == 2u {
+    } else if frame.nesting.z == 2u {
         xyz = vec3<u32>(line.x, line.y, coordinate);
     }
     let z_coverage = xyz.z | (coverage_code(record) << 16u);
