@@ -37,8 +37,6 @@ pub struct Document {
     pub look: ViewLook,
     /// The transfer function and its earlier states.
     pub edits: History<Edited>,
-    /// The state before the change that goes on.
-    pub before_change: Option<Edited>,
     /// What the editor remembers.
     pub editor: EditorState,
     /// Values that the function shows and the file does not store.
@@ -80,7 +78,6 @@ impl Document {
             stored,
             look,
             edits: History::new(edited),
-            before_change: None,
             editor: EditorState::default(),
             missing: Vec::new(),
             painter: Painter::new(context, renderer, Canvas::new(remote)),
@@ -104,7 +101,7 @@ impl Document {
             });
             match arrived {
                 Ok((model, stored)) => {
-                    let is_changed = self.edits.can_undo() || self.edits.can_redo() || self.before_change.is_some();
+                    let is_changed = self.edits.can_undo() || self.edits.can_redo();
                     if stored != self.stored && !is_changed {
                         self.edits = History::new(Edited::of(model.transfer(), &stored));
                     }
@@ -146,9 +143,7 @@ impl Document {
 
     /// Draws with another transfer function; that can be undone.
     pub fn set_transfer(&mut self, transfer: &TransferFunction) {
-        let edited = Edited::of(transfer, &self.stored);
-        let before = std::mem::replace(&mut self.edits.now, edited);
-        self.edits.changed_from(before);
+        self.edits.set(Edited::of(transfer, &self.stored));
         self.apply();
     }
 

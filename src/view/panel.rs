@@ -6,7 +6,7 @@ use adjsplat::volume::Axis;
 use egui::{CollapsingHeader, ScrollArea, Slider, Ui};
 
 use crate::document::Document;
-use crate::editor::ui::{Change, choose, editor, field, number};
+use crate::editor::ui::{choose, editor, field, goes_on, number};
 use crate::look::{Clip, SIDES};
 use crate::navigate::Manner;
 use crate::theme;
@@ -67,14 +67,10 @@ fn transfer(ui: &mut Ui, document: &mut Document) -> Option<Request> {
     });
     let before = document.edits.now.clone();
     let Document { edits, editor: state, stored, missing, .. } = document;
-    let change = editor(ui, &mut edits.now, state, stored, missing);
-    if change != Change::None || undone {
-        let begun = document.before_change.take().unwrap_or(before);
-        match change {
-            _ if undone => {}
-            Change::Done => document.edits.changed_from(begun),
-            _ => document.before_change = Some(begun),
-        }
+    editor(ui, &mut edits.now, state, stored, missing);
+    let is_changed = edits.now != before;
+    edits.follow(before, goes_on(ui.ctx()));
+    if is_changed || undone {
         document.apply();
     }
     if let Some(note) = &document.note {

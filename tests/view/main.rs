@@ -263,6 +263,11 @@ fn a_links_wide_angle_of_view_stays() {
     wait(&mut driven, "opening", |viewer| viewer.documents().len() == 1);
     (0..5).for_each(|_| driven.step());
     assert_eq!(document(&driven).look.eye.fov, Some(150.0));
+    for _ in 0..40 {
+        driven.key_press(Key::Tab);
+        driven.step();
+    }
+    assert_eq!(document(&driven).look.eye.fov, Some(150.0), "the field was only passed through");
 }
 
 #[test]

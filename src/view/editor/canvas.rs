@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use adjsplat::classify::FactorPoint;
 use egui::{
-    Align2, Color32, ColorImage, DragValue, FontId, Key, Mesh, Painter, PointerButton, Pos2, Rect, Response, Role,
-    Sense, Shape, Stroke, Ui, WidgetInfo, pos2, vec2,
+    Align2, Color32, ColorImage, FontId, Key, Mesh, Painter, PointerButton, Pos2, Rect, Response, Role, Sense, Shape,
+    Stroke, Ui, WidgetInfo, pos2, vec2,
 };
 
 use super::curve::{Curve, CurvePoint};
-use super::ui::{Change, field, name, number};
+use super::ui::{field, name, number};
 use super::{PointList, StoredValues};
 use crate::draw::shape;
 
@@ -135,7 +135,7 @@ pub(super) fn points(
     state: &mut Canvases,
     stored: &StoredValues,
     missing: &[[f64; 2]],
-) -> Change {
+) {
     let [low, high] = stored.range();
     let [first, last] = list.curve.ends();
     let (weak, small) = (ui.visuals().weak_text_color(), FontId::proportional(11.0));
@@ -157,7 +157,7 @@ pub(super) fn points(
     };
     let ends = [low.min(first), high.max(last)];
     let behind = (|columns, ends| histogram(stored, columns, ends), unstored);
-    let (change, axes) = canvas(ui, &mut list.curve, (Which::Opacities, ends), state, colour, behind);
+    let axes = canvas(ui, &mut list.curve, (Which::Opacities, ends), state, colour, behind);
     let [low, high] = axes.ends;
     let (colours, _) = ui.allocate_exact_size(vec2(ui.available_width(), STRIP), Sense::hover());
     strip(ui, Rect::from_x_y_ranges(axes.rect.x_range(), colours.y_range()), |share| {
@@ -175,16 +175,14 @@ pub(super) fn points(
     if state.selected_of(Which::Opacities, list.curve.points().len()).is_none() {
         ui.small("Drag a point, or drag from an empty place to add one; right-click removes.");
     }
-    change.and(numbers(ui, &mut list.curve, (Which::Opacities, high - low), state, |ui, point| {
+    numbers(ui, &mut list.curve, (Which::Opacities, high - low), state, |ui, point| {
         let colour = ui.color_edit_button_srgb(&mut point.colour);
         name(&colour, "Colour of the point");
-        Change::of(&colour)
-    }))
+    });
 }
 
 /// Shows the factors on opacities by the gradient's magnitude, and whether there are any.
-pub(super) fn gradient(ui: &mut Ui, list: &mut PointList, state: &mut Canvases, stored: &StoredValues) -> Change {
-    let mut change = Change::None;
+pub(super) fn gradient(ui: &mut Ui, list: &mut PointList, state: &mut Canvases, stored: &StoredValues) {
     let mut has_ramp = list.gradient.is_some();
     let tick = ui.checkbox(&mut has_ramp, "Only where values change").on_hover_text(
         "Multiplies opacities by a ramp over the magnitude of the gradient. A file that stores no magnitudes cannot be drawn so.",
@@ -193,19 +191,16 @@ pub(super) fn gradient(ui: &mut Ui, list: &mut PointList, state: &mut Canvases, 
         let to = stored.largest_magnitude.map_or(10.0, |largest| largest / 4.0);
         let ramp = [FactorPoint { magnitude: 0.0, factor: 0.0 }, FactorPoint { magnitude: to, factor: 1.0 }];
         list.gradient = has_ramp.then(|| Curve::of(ramp));
-        change = Change::Done;
     }
     if let Some(ramp) = &mut list.gradient {
         // As far again beyond the last point, so that it can be dragged there.
         let last = ramp.ends()[1];
         let ends = [0.0, if last > 0.0 { 2.0 * last } else { 1.0 }];
         let fill = ui.visuals().text_color();
-        let (dragged, axes) = canvas(ui, ramp, (Which::Factors, ends), state, |_| fill, (|_, _| Vec::new(), |_, _| {}));
+        let axes = canvas(ui, ramp, (Which::Factors, ends), state, |_| fill, (|_, _| Vec::new(), |_, _| {}));
         show_ends(ui, axes.ends);
-        let typed = numbers(ui, ramp, (Which::Factors, axes.ends[1]), state, |_, _| Change::None);
-        change = change.and(dragged).and(typed);
+        numbers(ui, ramp, (Which::Factors, axes.ends[1]), state, |_, _| {});
     }
-    change
 }
 
 /// Shows the ends of an axis.
@@ -225,13 +220,13 @@ fn canvas<P: CurvePoint>(
     state: &mut Canvases,
     colour: impl Fn(&P) -> Color32,
     (bars, behind): (impl FnOnce(usize, [f64; 2]) -> Vec<f32>, impl FnOnce(&Painter, &Axes)),
-) -> (Change, Axes) {
+) -> Axes {
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), which.height()), Sense::click_and_drag());
     response.widget_info(|| WidgetInfo::labeled(Role::Canvas, true, which.names()[0]));
     let ends = state.dragged.filter(|(dragged, _)| *dragged == which).map_or(ends, |(_, held)| held);
     // Half a point's disc stays inside.
     let axes = Axes { rect: rect.shrink2(vec2(6.0, 7.0)), ends };
-    let change = drag(&response, curve, which, state, &axes);
+    drag(&response, curve, which, state, &axes);
     let painter = ui.painter_at(rect);
     let visuals = ui.visuals();
     let colours = [visuals.extreme_bg_color, visuals.weak_text_color().gamma_multiply(0.45)];
@@ -247,17 +242,11 @@ fn canvas<P: CurvePoint>(
         let (radius, width) = if selected == Some(index) { (6.5, 2.5) } else { (5.0, 1.5) };
         painter.circle(at, radius, colour(point), Stroke::new(width, visuals.strong_text_color()));
     }
-    (change, axes)
+    axes
 }
 
 /// Adds, moves and removes points with the pointer.
-fn drag<P: CurvePoint>(
-    response: &Response,
-    curve: &mut Curve<P>,
-    which: Which,
-    state: &mut Canvases,
-    axes: &Axes,
-) -> Change {
+fn drag<P: CurvePoint>(response: &Response, curve: &mut Curve<P>, which: Which, state: &mut Canvases, axes: &Axes) {
     let nearest = |curve: &Curve<P>, at: Pos2| {
         let far = |index: &usize| axes.place(curve.points()[*index].place()).distance(at);
         (0..curve.points().len()).min_by(|a, b| far(a).total_cmp(&far(b))).filter(|index| far(index) <= REACH)
@@ -273,26 +262,21 @@ fn drag<P: CurvePoint>(
             let is_over = response.drag_stopped();
             curve.move_point(index, axes.position(at), axes.height(at));
             state.dragged = state.dragged.filter(|_| !is_over);
-            return if is_over { Change::Done } else { Change::Going };
+            return;
         }
         state.dragged = None;
     }
-    let Some(at) = response.interact_pointer_pos() else { return Change::None };
+    let Some(at) = response.interact_pointer_pos() else { return };
     if response.double_clicked() && nearest(curve, at).is_none() {
         state.selected = curve.add(axes.position(at), axes.height(at)).map(|index| (which, index));
-        return Change::Done;
-    }
-    if response.secondary_clicked()
+    } else if response.secondary_clicked()
         && let Some(index) = nearest(curve, at)
     {
         curve.remove(index);
         state.selected = None;
-        return Change::Done;
-    }
-    if response.clicked() {
+    } else if response.clicked() {
         state.selected = nearest(curve, at).map(|index| (which, index));
     }
-    Change::None
 }
 
 /// Shows position and height of the selected point, and what else there is to change, if it is this curve's. `width`: that of
@@ -302,14 +286,13 @@ fn numbers<P: CurvePoint>(
     curve: &mut Curve<P>,
     (which, width): (Which, f64),
     state: &mut Canvases,
-    others: impl FnOnce(&mut Ui, &mut P) -> Change,
-) -> Change {
-    let Some(index) = state.selected_of(which, curve.points().len()) else { return Change::None };
-    let mut change = Change::None;
+    others: impl FnOnce(&mut Ui, &mut P),
+) {
+    let Some(index) = state.selected_of(which, curve.points().len()) else { return };
     ui.horizontal_wrapped(|ui| {
         let [_, position_name, height_name] = which.names();
         let [mut position, mut height] = curve.points()[index].place();
-        let moved = DragValue::new(&mut position).speed(width / 400.0).max_decimals(3);
+        let moved = field(&mut position, curve.positions(index)).speed(width / 400.0);
         let moved = ui.add(moved.prefix(format!("{position_name} ")));
         let raised = field(&mut height, 0.0..=1.0).speed(0.005).max_decimals(3);
         let raised = ui.add(raised.prefix(format!("{height_name} ")));
@@ -320,15 +303,13 @@ fn numbers<P: CurvePoint>(
         if moved.changed() || raised.changed() {
             curve.move_point(index, position, height);
         }
-        change = Change::of(&moved).and(Change::of(&raised)).and(others(ui, &mut curve.points_mut()[index]));
-        let key = ui.input(|input| input.key_pressed(Key::Delete)) && !ui.ctx().egui_wants_keyboard_input();
+        others(ui, &mut curve.points_mut()[index]);
+        let key = ui.input(|input| input.key_pressed(Key::Delete)) && !ui.ctx().text_edit_focused();
         if ui.button("Remove").clicked() || key {
             curve.remove(index);
             state.selected = None;
-            change = Change::Done;
         }
     });
-    change
 }
 
 /// Returns how often values occur, in columns, on a logarithmic scale from 0 to 1.

@@ -1,6 +1,8 @@
 //! Points of a curve that can be dragged: their positions ascend, their heights are from 0 to 1. The curve is linear between
 //! them, and constant beyond the first and the last.
 
+use std::ops::RangeInclusive;
+
 /// A point of a curve.
 pub trait CurvePoint: Copy {
     /// The least position.
@@ -51,10 +53,10 @@ impl<P: CurvePoint> Curve<P> {
         [self.0[0], self.0[self.0.len() - 1]].map(|point| point.place()[0])
     }
 
-    /// Moves a point; it stays between its neighbours, and its height between 0 and 1.
+    /// Returns the positions that a point may move to: those between its neighbours.
     ///
     /// At most two points share a position, which is a jump: a third stays beside them.
-    pub fn move_point(&mut self, index: usize, position: f64, height: f64) {
+    pub fn positions(&self, index: usize) -> RangeInclusive<f64> {
         let position_of =
             |index: Option<usize>| index.and_then(|index| self.0.get(index)).map(|point| point.place()[0]);
         let (before, after) = (position_of(index.checked_sub(1)), position_of(Some(index + 1)));
@@ -62,8 +64,14 @@ impl<P: CurvePoint> Curve<P> {
         let gap = self.least_gap();
         let low = before.map_or(P::LEAST, |low| low + if is_jump(before, index.checked_sub(2)) { gap } else { 0.0 });
         let high = after.map_or(f64::INFINITY, |high| high - if is_jump(after, Some(index + 2)) { gap } else { 0.0 });
-        let is_free = position.is_finite() && low <= high;
-        let position = if is_free { position.clamp(low, high) } else { self.0[index].place()[0] };
+        let own = self.0[index].place()[0];
+        if low <= high { low..=high } else { own..=own }
+    }
+
+    /// Moves a point; it stays between its neighbours, and its height between 0 and 1.
+    pub fn move_point(&mut self, index: usize, position: f64, height: f64) {
+        let (low, high) = self.positions(index).into_inner();
+        let position = if position.is_finite() { position.clamp(low, high) } else { self.0[index].place()[0] };
         self.0[index] = self.0[index].moved(position, if height.is_nan() { 0.0 } else { height.clamp(0.0, 1.0) });
     }
 

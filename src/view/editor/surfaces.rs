@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::points::{bytes_of, hex};
-use super::ui::{Change, field, name};
+use super::ui::{field, name};
 
 /// A surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -94,8 +94,7 @@ impl SurfaceTable {
 }
 
 /// Shows the table. `values`: the lowest and the highest value of the volume.
-pub(super) fn surfaces(ui: &mut Ui, table: &mut SurfaceTable, values: [f64; 2]) -> Change {
-    let mut change = Change::None;
+pub(super) fn surfaces(ui: &mut Ui, table: &mut SurfaceTable, values: [f64; 2]) {
     let is_contour = table.list == "contours";
     ui.label(if is_contour { "Surfaces of these values" } else { "Boundaries between regions of these values" });
     let speed = ((values[1] - values[0]) / 400.0).max(f64::MIN_POSITIVE);
@@ -111,18 +110,17 @@ pub(super) fn surfaces(ui: &mut Ui, table: &mut SurfaceTable, values: [f64; 2]) 
             let low = index.checked_sub(1).map_or(-1e100, |before| table.rows[before].value.next_up());
             let high = table.rows.get(index + 1).map_or(1e100, |after| after.value.next_down());
             let row = &mut table.rows[index];
-            let value = ui.add(field(&mut row.value, low..=high).speed(speed).max_decimals(3));
+            let value = ui.add(field(&mut row.value, low..=high).speed(speed));
             let opacity = ui.add(field(&mut row.opacity, 0.0..=1.0).speed(0.005).max_decimals(3));
-            let width = row.width.as_mut().map(|width| {
+            if let Some(width) = &mut row.width {
                 let width = ui.add(field(width, least_width..=100.0).speed(0.02).max_decimals(2));
-                width.on_hover_text("Half the thickness, in voxels")
-            });
+                width.on_hover_text("Half the thickness, in voxels");
+            }
             let colour = ui.color_edit_button_srgb(&mut row.colour);
             let number = index + 1;
             name(&value, format!("Value of surface {number}"));
             name(&opacity, format!("Opacity of surface {number}"));
             name(&colour, format!("Colour of surface {number}"));
-            change = [value, opacity, colour].iter().chain(&width).map(Change::of).fold(change, Change::and);
             if count > 1 && ui.button("Remove").clicked() {
                 removed = Some(index);
             }
@@ -131,11 +129,8 @@ pub(super) fn surfaces(ui: &mut Ui, table: &mut SurfaceTable, values: [f64; 2]) 
     });
     if let Some(index) = removed {
         table.rows.remove(index);
-        return Change::Done;
     }
     if !table.has_cap() && ui.button("Add a surface").clicked() {
         table.add(values);
-        return Change::Done;
     }
-    change
 }

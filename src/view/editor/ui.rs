@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use adjsplat::TransferFunction;
 use adjsplat::classify::PRESETS;
 use egui::emath::Numeric;
-use egui::{ComboBox, DragValue, Grid, Response, ScrollArea, Sense, TextEdit, Ui, vec2};
+use egui::{ComboBox, Context, DragValue, Grid, Response, ScrollArea, Sense, TextEdit, Ui, vec2};
 
 use super::canvas::{Canvases, gradient, points, strip};
 use super::surfaces::surfaces;
@@ -20,59 +20,26 @@ pub struct EditorState {
     search: String,
 }
 
-/// What the user did in a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Change {
-    /// Nothing.
-    None,
-    /// A change that goes on, such as a drag.
-    Going,
-    /// A change that is over, and can be undone.
-    Done,
-}
-
-impl Change {
-    pub(super) fn of(response: &Response) -> Change {
-        match response.changed() {
-            true if response.dragged() || response.has_focus() => Change::Going,
-            true => Change::Done,
-            false if response.drag_stopped() || response.lost_focus() => Change::Done,
-            false => Change::None,
-        }
-    }
-
-    pub(super) fn and(self, other: Change) -> Change {
-        match (self, other) {
-            (Change::Done, _) | (_, Change::Done) => Change::Done,
-            (Change::Going, _) | (_, Change::Going) => Change::Going,
-            _ => Change::None,
-        }
-    }
-}
-
 /// Shows the editor of a transfer function. `missing`: the values that it shows and the model does not store.
-pub fn editor(
-    ui: &mut Ui,
-    edited: &mut Edited,
-    state: &mut EditorState,
-    stored: &StoredValues,
-    missing: &[[f64; 2]],
-) -> Change {
-    let change = match edited {
+pub fn editor(ui: &mut Ui, edited: &mut Edited, state: &mut EditorState, stored: &StoredValues, missing: &[[f64; 2]]) {
+    match edited {
         Edited::Points(list) => points(ui, list, &mut state.canvases, stored, missing),
         Edited::Labels(table) => return labels(ui, table, state),
         Edited::Surfaces(table) => surfaces(ui, table, stored.range()),
-    };
-    change.and(choices(ui, edited, state, stored))
+    }
+    choices(ui, edited, state, stored);
+}
+
+/// Returns whether the user drags or types, so that what changes next belongs to the same change.
+pub fn goes_on(context: &Context) -> bool {
+    context.input(|input| input.pointer.any_down()) || context.text_edit_focused()
 }
 
 /// The menus of colour maps and of presets.
-fn choices(ui: &mut Ui, edited: &mut Edited, state: &mut EditorState, stored: &StoredValues) -> Change {
-    let mut change = Change::None;
+fn choices(ui: &mut Ui, edited: &mut Edited, state: &mut EditorState, stored: &StoredValues) {
     ui.horizontal_wrapped(|ui| {
         if !matches!(edited, Edited::Points(_)) && ui.button("Begin with points").clicked() {
             *edited = Edited::Points(PointList::ramp(stored));
-            change = Change::Done;
         }
         if let Edited::Points(list) = edited {
             ui.menu_button("Colour map", |ui| {
@@ -84,7 +51,6 @@ fn choices(ui: &mut Ui, edited: &mut Edited, state: &mut EditorState, stored: &S
                     });
                     if row.inner {
                         list.apply_map(colours);
-                        change = Change::Done;
                         ui.close();
                     }
                 }
@@ -96,24 +62,21 @@ fn choices(ui: &mut Ui, edited: &mut Edited, state: &mut EditorState, stored: &S
                     if let Ok(preset) = TransferFunction::preset(name) {
                         *edited = Edited::of(&preset, stored);
                         state.canvases = Canvases::default();
-                        change = Change::Done;
                     }
                     ui.close();
                 }
             }
         });
         if let Edited::Points(list) = edited {
-            change = change.and(Change::of(&ui.checkbox(&mut list.is_shaded, "Shaded")));
+            ui.checkbox(&mut list.is_shaded, "Shaded");
         }
     });
     if let Edited::Points(list) = edited {
-        change = change.and(gradient(ui, list, &mut state.canvases, stored));
+        gradient(ui, list, &mut state.canvases, stored);
     }
-    change
 }
 
-fn labels(ui: &mut Ui, table: &mut LabelTable, state: &mut EditorState) -> Change {
-    let mut change = Change::None;
+fn labels(ui: &mut Ui, table: &mut LabelTable, state: &mut EditorState) {
     ui.horizontal(|ui| {
         let search = TextEdit::singleline(&mut state.search).hint_text("Search labels").desired_width(120.0);
         name(&ui.add(search), "Search labels");
@@ -121,7 +84,6 @@ fn labels(ui: &mut Ui, table: &mut LabelTable, state: &mut EditorState) -> Chang
             if ui.button(name).clicked() {
                 let found = table.matching(&state.search);
                 found.into_iter().for_each(|index| table.rows[index].is_visible = is_visible);
-                change = Change::Done;
             }
         }
     });
@@ -137,16 +99,15 @@ fn labels(ui: &mut Ui, table: &mut LabelTable, state: &mut EditorState) -> Chang
         |ui, rows| {
             Grid::new("labels").num_columns(4).show(ui, |ui| {
                 for index in found[rows].iter().copied() {
-                    change = change.and(label_row(ui, table, index));
+                    label_row(ui, table, index);
                     ui.end_row();
                 }
             });
         },
     );
-    change
 }
 
-fn label_row(ui: &mut Ui, table: &mut LabelTable, index: usize) -> Change {
+fn label_row(ui: &mut Ui, table: &mut LabelTable, index: usize) {
     let row = &mut table.rows[index];
     let text =
         if row.name == row.label.to_string() { row.name.clone() } else { format!("{}  {}", row.label, row.name) };
@@ -156,20 +117,43 @@ fn label_row(ui: &mut Ui, table: &mut LabelTable, index: usize) -> Change {
     name(&shown, format!("Show {}", row.name));
     name(&colour, format!("Colour of {}", row.name));
     name(&opacity, format!("Opacity of {}", row.name));
-    let mut change = [shown, colour, opacity].iter().map(Change::of).fold(Change::None, Change::and);
     let title = ui.add(egui::Label::new(text).truncate().sense(Sense::click()));
     let title = title.on_hover_text(format!("{} voxels; double-click shows only this label", row.voxels));
     if title.double_clicked() {
         table.show_only(index);
-        change = Change::Done;
     }
-    change
 }
 
-/// Returns a field for a number. What the user types or drags stays in the range; a number outside it, which a file or a link
-/// may hold, is shown as it is and stays.
+/// Returns a field for a number. What the user types or drags stays in the range. A number outside it, which a file or a link
+/// may hold, stays until the user changes it, and so do digits that the field does not show.
 pub fn field<N: Numeric>(number: &mut N, range: RangeInclusive<N>) -> DragValue<'_> {
-    DragValue::new(number).range(range).clamp_existing_to_range(false)
+    let before = number.to_f64();
+    let range = range.start().to_f64().min(before)..=range.end().to_f64().max(before);
+    DragValue::new(number)
+        .range(range)
+        .custom_formatter(|value, decimals| digits(value, *decimals.start()))
+        .custom_parser(move |text| {
+            let typed: String = text.replace('−', "-").split_whitespace().collect();
+            let typed = typed.parse().ok().filter(|typed: &f64| typed.is_finite())?;
+            Some(if typed == rounded(before) { before } else { typed })
+        })
+}
+
+/// Returns a number in at most 7 digits, with this many decimals or more; whole numbers in full.
+fn digits(value: f64, decimals: usize) -> String {
+    let value = rounded(value);
+    let padded = format!("{value:.decimals$}");
+    match value.abs() {
+        _ if padded.parse() == Ok(value) => padded,
+        1e-5..1e15 => value.to_string(),
+        _ => format!("{value:e}"),
+    }
+}
+
+/// Rounds a number to 7 digits, unless it is whole.
+fn rounded(value: f64) -> f64 {
+    let is_whole = value.fract() == 0.0 && value.abs() < 1e15;
+    if is_whole { value } else { format!("{value:.6e}").parse().unwrap_or(value) }
 }
 
 /// Gives a widget the name that screen readers say.
@@ -184,7 +168,8 @@ pub fn number(value: f64) -> String {
     match size {
         _ if size == 0.0 || value.fract() == 0.0 && size < 1e9 => format!("{value}"),
         _ if (1e-3..1e6).contains(&size) => {
-            let text = format!("{value:.3}");
+            let decimals = if size < 0.1 { 5 } else { 3 };
+            let text = format!("{value:.decimals$}");
             text.trim_end_matches('0').trim_end_matches('.').to_owned()
         }
         _ => format!("{value:.3e}"),
