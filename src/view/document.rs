@@ -33,6 +33,8 @@ pub struct Document {
     pub model: Model,
     /// How often each value is stored.
     pub stored: StoredValues,
+    /// Whether that is the function of the editor.
+    is_drawn: bool,
     /// What is shown.
     pub look: ViewLook,
     /// The transfer function and its earlier states.
@@ -76,6 +78,7 @@ impl Document {
             unit,
             model,
             stored,
+            is_drawn: true,
             look,
             edits: History::new(edited),
             editor: EditorState::default(),
@@ -153,6 +156,7 @@ impl Document {
             let missing = self.model.missing_values(&transfer)?;
             Ok((self.model.with_transfer(transfer)?, missing))
         });
+        self.is_drawn = changed.is_ok();
         match changed {
             Ok((model, missing)) => {
                 (self.model, self.missing, self.note) = (model, missing, None);
@@ -160,6 +164,15 @@ impl Document {
             }
             Err(fault) => self.note = Some(fault.to_string()),
         }
+    }
+
+    /// Returns the transfer function that the editor holds, also where the file cannot be drawn with it.
+    ///
+    /// # Errors
+    /// The errors of [`Edited::transfer`].
+    pub fn transfer(&self) -> Result<TransferFunction> {
+        // The editor turns some functions into points; what was not edited stays as it is.
+        if self.is_drawn { Ok(self.model.transfer().clone()) } else { self.edits.now.transfer() }
     }
 
     /// Looks for the voxel on a ray, in the background.

@@ -1,11 +1,11 @@
 //! The menu, the tabs and the last line.
 
 use adjsplat::TransferFunction;
-use adjsplat::error::Error;
+use adjsplat::error::{Error, Result};
 use adjsplat::splat::Quality;
 use egui::{Context, Label, ProgressBar, Theme, Ui};
 
-use super::{Viewer, full};
+use super::Viewer;
 use crate::dialog::{Dialog, Purpose};
 use crate::document::Document;
 use crate::editor::Edited;
@@ -40,6 +40,7 @@ impl Viewer {
                 for path in paths {
                     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
                     if ui.button(name).on_hover_text(path.display().to_string()).clicked() {
+                        self.messages.clear();
                         self.open(&context, FilePlace::Path(path));
                         ui.close();
                     }
@@ -59,7 +60,8 @@ impl Viewer {
                         self.copy(&context, false);
                         ui.close();
                     }
-                    if cfg!(target_arch = "wasm32") && ui.button("Link to this view").clicked() {
+                    #[cfg(target_arch = "wasm32")]
+                    if ui.button("Link to this view").clicked() {
                         self.copy_link(&context);
                         ui.close();
                     }
@@ -87,40 +89,40 @@ impl Viewer {
         let Some(document) = self.documents.get(self.active) else { return };
         let text = match (is_command, document.place.path()) {
             (true, Some(path)) => {
-                let other = changed_transfer(document);
-                command(path, &document.look, &document.model, self.view_size, Quality::High, other.as_ref())
+                let size = self.view_size;
+                changed_transfer(document).and_then(|transfer| {
+                    command(path, &document.look, &document.model, size, Quality::High, transfer.as_ref())
+                })
             }
             (true, None) => Err(Error::input("the model", "lies in no file that a command could name")),
             (false, _) => camera_json(&document.look),
         };
-        self.message = Some(match text {
+        self.put_on_clipboard(context, text);
+    }
+
+    fn put_on_clipboard(&mut self, context: &Context, text: Result<String>) {
+        match text {
             Ok(text) => {
                 context.copy_text(text);
-                ("Copied to the clipboard".into(), false)
+                self.say("Copied to the clipboard");
             }
-            Err(fault) => (full(&fault), true),
-        });
+            Err(fault) => self.fail(&fault),
+        }
     }
 
     /// Copies a link that opens the page with this file, view and transfer function.
+    #[cfg(target_arch = "wasm32")]
     fn copy_link(&mut self, context: &Context) {
         let Some(document) = self.documents.get(self.active) else { return };
-        let link = match (&document.place, changed_transfer(document)) {
-            #[cfg(target_arch = "wasm32")]
-            (FilePlace::Address(file), transfer) => crate::page::link(
-                file,
-                &document.look.eye.to_text(),
-                transfer.map(|transfer| transfer.to_json()).as_deref(),
-            ),
-            _ => None,
-        };
-        self.message = Some(match link {
-            Some(link) => {
-                context.copy_text(link);
-                ("Copied to the clipboard".into(), false)
-            }
-            None => ("a file that was dropped or chosen lies on no server that a link could name".into(), true),
+        let link = changed_transfer(document).and_then(|transfer| {
+            let transfer = transfer.map(|transfer| transfer.to_json());
+            let link = match &document.place {
+                FilePlace::Address(file) => crate::page::link(file, &document.look.eye.to_text(), transfer.as_deref()),
+                _ => None,
+            };
+            link.ok_or_else(|| Error::input(&document.title, "lies on no server that a link could name"))
         });
+        self.put_on_clipboard(context, link);
     }
 
     pub(super) fn tabs(&mut self, ui: &mut Ui) {
@@ -168,12 +170,12 @@ impl Viewer {
     }
 }
 
-/// Returns the transfer function that a document is drawn with, unless the file holds the same.
-fn changed_transfer(document: &Document) -> Option<TransferFunction> {
+/// Returns the transfer function of a document's editor, unless the file holds the same.
+fn changed_transfer(document: &Document) -> Result<Option<TransferFunction>> {
     let arena = document.model.arena().ok().filter(|_| document.is_adj);
     let stored = arena.and_then(|arena| adjsplat::internals::stored_transfer(&arena));
-    let transfer = document.model.transfer();
-    (stored.as_ref() != Some(transfer)).then(|| transfer.clone())
+    let transfer = document.transfer()?;
+    Ok((stored.as_ref() != Some(&transfer)).then_some(transfer))
 }
 
 /// Returns a line about the picked voxel, or else about the file.

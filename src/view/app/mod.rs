@@ -40,8 +40,8 @@ pub struct Viewer {
     /// How the next picture is saved, while the window for it is open.
     form: Option<PictureForm>,
     form_is_open: bool,
-    /// The last message, and whether it is an error.
-    message: Option<(String, bool)>,
+    /// What was said since the last click on a view; with each line whether it is an error.
+    messages: Vec<(String, bool)>,
     /// The size of the last view, in pixels.
     view_size: [u32; 2],
     was_dark: Option<bool>,
@@ -66,7 +66,7 @@ impl Viewer {
             typed_path: None,
             form: None,
             form_is_open: false,
-            message: None,
+            messages: Vec::new(),
             view_size: [800, 600],
             was_dark: None,
         };
@@ -94,9 +94,10 @@ impl Viewer {
         self.documents.get(self.active)
     }
 
-    /// Returns the last message, such as why a file could not be opened.
-    pub fn message(&self) -> Option<&str> {
-        self.message.as_ref().map(|(text, _)| text.as_str())
+    /// Returns what was said since the last click on a view, such as why a file could not be opened; lines of text.
+    pub fn message(&self) -> Option<String> {
+        let lines: Vec<&str> = self.messages.iter().map(|(text, _)| text.as_str()).collect();
+        (!lines.is_empty()).then(|| lines.join("\n"))
     }
 
     /// Shows the program and applies the user's input.
@@ -136,15 +137,27 @@ impl Viewer {
     fn take_dropped(&mut self, context: &Context) {
         let places = dropped(context);
         if !places.is_empty() {
-            self.message = None;
+            self.messages.clear();
         }
         places.into_iter().for_each(|place| self.open(context, place));
     }
 
-    /// Shows why something failed, below what failed before.
+    /// Says that something is done, below what failed.
+    fn say(&mut self, text: impl Into<String>) {
+        self.messages.retain(|(_, is_error)| *is_error);
+        self.messages.push((text.into(), false));
+    }
+
+    /// Says why something failed, below what failed before.
     fn fail(&mut self, fault: &Error) {
-        let before = self.message.take().filter(|(_, is_error)| *is_error).map(|(text, _)| text + "\n");
-        self.message = Some((before.unwrap_or_default() + &full(fault), true));
+        self.warn(full(fault));
+    }
+
+    fn warn(&mut self, text: String) {
+        let line = (text, true);
+        if !self.messages.contains(&line) {
+            self.messages.push(line);
+        }
     }
 
     /// Takes what threads and dialogs have finished.
@@ -170,7 +183,7 @@ impl Viewer {
                     self.documents.push(document);
                     self.active = self.documents.len() - 1;
                 }
-                Err(Error::Interrupted) => self.message = Some((format!("{} was not opened", place.name()), false)),
+                Err(Error::Interrupted) => self.say(format!("{} was not opened", place.name())),
                 Err(fault) => self.fail(&fault),
             }
         }
@@ -183,11 +196,11 @@ impl Viewer {
             }
         });
         for (path, result) in saved {
-            self.message = Some(match result {
-                Ok(()) => (format!("Saved {}", path.display()), false),
-                Err(Error::Interrupted) => (format!("{} was not saved", path.display()), false),
-                Err(fault) => (full(&fault), true),
-            });
+            match result {
+                Ok(()) => self.say(format!("Saved {}", path.display())),
+                Err(Error::Interrupted) => self.say(format!("{} was not saved", path.display())),
+                Err(fault) => self.fail(&fault),
+            }
         }
         if let Some((purpose, choice)) = self.dialog.as_ref().and_then(Dialog::result) {
             self.dialog = None;
@@ -195,22 +208,19 @@ impl Viewer {
                 Ok(places) => self.chosen(context, purpose, places),
                 Err(NoDialog) => {
                     self.typed_path = Some((purpose, String::new()));
-                    self.message = Some((NO_DIALOG.into(), true));
+                    self.warn(NO_DIALOG.into());
                 }
             }
         }
-        for document in &mut self.documents {
-            document.finish_pick();
-            if let Some(fault) = document.take_news() {
-                self.message = Some((fault, true));
-            }
-        }
+        self.documents.iter_mut().for_each(Document::finish_pick);
+        let faults: Vec<String> = self.documents.iter_mut().filter_map(Document::take_news).collect();
+        faults.into_iter().for_each(|fault| self.warn(fault));
     }
 
     /// Does what a file was chosen for.
     fn chosen(&mut self, context: &Context, purpose: Purpose, mut places: Vec<FilePlace>) {
         if !places.is_empty() {
-            self.message = None;
+            self.messages.clear();
         }
         if matches!(purpose, Purpose::OpenFile | Purpose::OpenFolder) {
             return places.into_iter().for_each(|place| self.open(context, place));
@@ -233,10 +243,9 @@ impl Viewer {
             }
             Purpose::LoadTransfer => transfer_at(&place).map(|transfer| document.set_transfer(&transfer)),
             Purpose::SaveTransfer => {
-                let text = document.model.transfer().to_json();
-                let saved = save_transfer(path, &text);
+                let saved = document.transfer().and_then(|transfer| save_transfer(path, &transfer.to_json()));
                 if saved.is_ok() && !cfg!(target_arch = "wasm32") {
-                    self.message = Some((format!("Saved {}", path.display()), false));
+                    self.say(format!("Saved {}", path.display()));
                 }
                 saved
             }

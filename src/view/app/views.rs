@@ -48,7 +48,7 @@ impl Viewer {
         self.view_size = size;
         if response.drag_started() || response.clicked() {
             self.active = index;
-            self.message = None;
+            self.messages.clear();
         }
         let document = &mut self.documents[index];
         if std::mem::take(&mut document.needs_fit) {

@@ -22,7 +22,7 @@ impl Viewer {
 
     /// Files that are being opened and pictures that are being saved, and the last message, in a corner of the views.
     fn notices(&self, context: &Context, views: Rect) {
-        if self.openings.is_empty() && self.savings.is_empty() && self.message.is_none() {
+        if self.openings.is_empty() && self.savings.is_empty() && self.messages.is_empty() {
             return;
         }
         let style = context.global_style();
@@ -48,7 +48,7 @@ impl Viewer {
                         ui.label(format!("Drawing {} of {}", saving.done() + 1, saving.frames));
                     });
                 }
-                if let Some((text, is_error)) = &self.message {
+                for (text, is_error) in &self.messages {
                     let colour = if *is_error { ui.visuals().error_fg_color } else { ui.visuals().text_color() };
                     ui.add(Label::new(egui::RichText::new(text).color(colour)).wrap());
                 }
