@@ -1,6 +1,7 @@
 //! The viewer without a window: its interface is driven by events, and read by the names that a screen reader says.
 #![allow(clippy::cast_possible_truncation, reason = "samples and pixels of tests are small")]
 
+mod documents;
 mod remote;
 mod snapshots;
 
@@ -299,37 +300,6 @@ fn values_that_the_file_does_not_store_are_named() {
     driven.step();
     let told = driven.query_by_label_contains("The build left out some voxels of");
     assert!(told.is_some());
-}
-
-#[test]
-fn a_function_that_cannot_be_drawn_is_copied_as_it_was_edited() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut driven = opened(folder.path());
-    // The file stores no magnitudes.
-    click(&mut driven, "Only where values change");
-    assert!(document(&driven).note.is_some() && !document(&driven).model.transfer().to_json().contains("gradient"));
-    click(&mut driven, "Copy");
-    driven.get_by_label("Command that makes this picture").click_accesskit();
-    driven.step();
-    let commands = &driven.output().platform_output.commands;
-    let copied = commands.iter().find_map(|command| match command {
-        egui::OutputCommand::CopyText(text) => Some(text.clone()),
-        _ => None,
-    });
-    assert!(copied.as_ref().is_some_and(|text| text.contains("\"gradient\"")), "{copied:?}");
-}
-
-#[test]
-fn errors_of_two_files_are_both_seen() {
-    let folder = tempfile::tempdir().unwrap();
-    let absent = ["one.adj", "two.adj"].map(|name| folder.path().join(name));
-    let mut driven = driven([vec![file(folder.path())], absent.to_vec()].concat());
-    wait(&mut driven, "refusing", |viewer| viewer.message().is_some_and(|text| text.lines().count() == 2));
-    wait(&mut driven, "opening", |viewer| viewer.documents().len() == 1);
-    click(&mut driven, "Copy");
-    click(&mut driven, "Camera as JSON");
-    let message = viewer(&driven).message().unwrap();
-    assert!(["one.adj", "two.adj", "Copied"].iter().all(|part| message.contains(part)), "{message}");
 }
 
 #[test]

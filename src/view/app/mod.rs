@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use adjsplat::TransferFunction;
 use adjsplat::error::{Error, Result};
-use egui::{CentralPanel, Context, Key, Modifiers, Panel, Theme, Ui};
+use egui::{CentralPanel, Context, Key, Modifiers, Panel, Popup, Theme, Ui};
 
 use crate::dialog::{Dialog, NoDialog, Purpose};
 use crate::document::Document;
@@ -265,13 +265,16 @@ impl Viewer {
     }
 
     fn keys(&mut self, context: &Context) {
-        if context.egui_wants_keyboard_input() {
-            return;
-        }
         let pressed = |modifiers, key| context.input_mut(|input| input.consume_key(modifiers, key));
-        if pressed(Modifiers::COMMAND, Key::O) {
+        if pressed(Modifiers::COMMAND, Key::O) && self.typed_path.is_none() {
             self.typed_path = Some((Purpose::OpenFile, String::new()));
         }
+        // A text field uses the other keys itself.
+        if context.text_edit_focused() {
+            return;
+        }
+        // Esc is first for what lies over the views.
+        let is_covered = self.form_is_open || self.typed_path.is_some() || Popup::is_any_open(context);
         // A browser closes the page by Ctrl+W.
         let closes = if cfg!(target_arch = "wasm32") { Modifiers::ALT } else { Modifiers::COMMAND };
         if pressed(closes, Key::W) && !self.documents.is_empty() {
@@ -299,14 +302,16 @@ impl Viewer {
         if pressed(Modifiers::NONE, Key::P) {
             document.look.eye.toggle_perspective();
         }
-        if pressed(Modifiers::NONE, Key::Escape) {
+        if !is_covered && context.input(|input| input.key_pressed(Key::Escape)) {
             document.picked = None;
         }
     }
 
     fn close(&mut self, index: usize) {
         self.documents.remove(index);
-        self.active = self.active.min(self.documents.len().saturating_sub(1));
+        if index < self.active || self.active == self.documents.len() {
+            self.active = self.active.saturating_sub(1);
+        }
     }
 }
 

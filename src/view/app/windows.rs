@@ -81,14 +81,17 @@ impl Viewer {
                         .hint_text(example),
                 );
                 let replaces = purpose.saves() && Path::new(text.trim()).exists();
-                chosen = !replaces && field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+                let is_empty = text.trim().is_empty();
+                let is_entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+                chosen = is_entered && !replaces && !is_empty;
                 if !chosen && ui.memory(|memory| memory.focused().is_none()) {
                     field.request_focus();
                 }
-                chosen |= ui.button(if replaces { "Replace the file" } else { verb }).clicked();
+                let button = Button::new(if replaces { "Replace the file" } else { verb });
+                chosen |= ui.add_enabled(!is_empty, button).clicked();
             });
         let text = text.trim().to_owned();
-        if chosen && !text.is_empty() {
+        if chosen {
             let place = if is_page { FilePlace::Address(text) } else { FilePlace::Path(text.into()) };
             self.chosen(context, purpose, vec![place]);
         }
