@@ -49,6 +49,8 @@ pub struct Document {
     pub motion: Motion,
     /// Whether the view shall show everything as soon as its size is known.
     pub needs_fit: bool,
+    /// Target and height of the view that last showed everything.
+    fitted: Option<(glam::DVec3, f64)>,
     /// The face of the crop box that is dragged.
     pub held_face: Option<usize>,
     /// The voxel that was clicked.
@@ -86,6 +88,7 @@ impl Document {
             painter: Painter::new(context, renderer, Canvas::new(remote)),
             motion: Motion::default(),
             needs_fit: true,
+            fitted: None,
             held_face: None,
             picked: None,
             note: None,
@@ -211,8 +214,13 @@ impl Document {
         let Eye { azimuth, elevation, up, fov, .. } = self.look.eye;
         let side = crate::look::Side { name: "", azimuth, elevation };
         match Eye::around(&self.model, self.extent, side, up, fov, size) {
-            Ok(eye) => self.look.eye = eye,
+            Ok(eye) => (self.look.eye, self.fitted) = (eye, Some((eye.target, eye.height))),
             Err(fault) => self.note = Some(fault.to_string()),
         }
+    }
+
+    /// Returns whether the view still shows everything.
+    pub(crate) fn is_fitted(&self) -> bool {
+        self.fitted == Some((self.look.eye.target, self.look.eye.height))
     }
 }

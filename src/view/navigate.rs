@@ -5,7 +5,7 @@
 //! | drag, one finger | turn the volume; in flight, the head |
 //! | drag with the middle or right button, or with Shift; two fingers | move the volume |
 //! | wheel, pinch | magnify at the pointer |
-//! | W A S D Q E in flight | forward, left, back, right, down, up |
+//! | W A S D Q E in flight | forward, left, back, right, down, up; in a parallel view W and S magnify |
 
 use egui::{Key, PointerButton, Pos2, Rect, Response, Ui, Vec2};
 
@@ -39,8 +39,8 @@ pub struct Manner {
 /// Applies the input of this frame to `eye`; `view` is the response of the view.
 pub fn navigate(ui: &Ui, view: &Response, eye: &mut Eye, motion: &mut Motion, manner: Manner) {
     let height = f64::from(view.rect.height().max(1.0));
-    let (step, shift, touches) =
-        ui.input(|input| (input.stable_dt.min(0.1), input.modifiers.shift, input.multi_touch()));
+    let step = frame_time(ui);
+    let (shift, touches) = ui.input(|input| (input.modifiers.shift, input.multi_touch()));
     let touches = touches.filter(|touches| view.rect.contains(touches.center_pos));
     let moves = shift || view.dragged_by(PointerButton::Middle) || view.dragged_by(PointerButton::Secondary);
     let delta = view.drag_delta();
@@ -62,9 +62,6 @@ pub fn navigate(ui: &Ui, view: &Response, eye: &mut Eye, motion: &mut Motion, ma
     if let (true, None, Some(at)) = (view.hovered(), touches, view.hover_pos()) {
         let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
         magnify(eye, pinch * (scroll / 250.0).exp(), at, view.rect);
-    }
-    if manner.flies && !ui.ctx().egui_wants_keyboard_input() {
-        fly(ui, eye, step);
     }
 }
 
@@ -97,13 +94,29 @@ fn coast(ui: &Ui, eye: &mut Eye, motion: &mut Motion, step: f32, height: f64, ma
     ui.ctx().request_repaint();
 }
 
-fn fly(ui: &Ui, eye: &mut Eye, step: f32) {
+/// Moves `eye` by the keys that are held in this frame.
+pub fn fly(ui: &Ui, eye: &mut Eye) {
+    if ui.ctx().text_edit_focused() {
+        return;
+    }
     let held = |plus: Key, minus: Key| {
         ui.input(|input| f64::from(i8::from(input.key_down(plus)) - i8::from(input.key_down(minus))))
     };
     let ways = [held(Key::D, Key::A), held(Key::E, Key::Q), held(Key::W, Key::S)];
     if ways != [0.0; 3] {
-        eye.shift(ways.map(|way| way * FLIGHT * eye.height * f64::from(step)));
+        let heights = FLIGHT * f64::from(frame_time(ui));
+        let mut steps = ways.map(|way| way * heights * eye.height);
+        if eye.fov.is_none() {
+            // Parallel rays show no nearness.
+            steps[2] = 0.0;
+            eye.zoom((ways[2] * heights).exp(), [0.0; 2]);
+        }
+        eye.shift(steps);
         ui.ctx().request_repaint();
     }
+}
+
+/// Returns the time of a frame, in seconds; at most 0.1.
+fn frame_time(ui: &Ui) -> f32 {
+    ui.input(|input| input.stable_dt.min(0.1))
 }

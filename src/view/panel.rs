@@ -125,7 +125,8 @@ fn view(ui: &mut Ui, document: &mut Document, manner: &mut Manner, size: [u32; 2
     ui.horizontal_wrapped(|ui| {
         ui.checkbox(&mut look.is_lit, "Light");
         ui.checkbox(&mut manner.has_inertia, "Inertia").on_hover_text("The volume turns on after it was let go");
-        ui.checkbox(&mut manner.flies, "Fly").on_hover_text("Drag to look around; W A S D Q E move the eye");
+        ui.checkbox(&mut manner.flies, "Fly")
+            .on_hover_text("Drag to look around; W A S D Q E move the eye. In a parallel view W and S magnify");
     });
     ui.add(Slider::new(&mut look.sharpness, 0.0..=1.0).text("sharpness"));
     ui.horizontal(|ui| {

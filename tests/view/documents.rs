@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
+use adjsplat_view::look::Eye;
 use adjsplat_view::open::FilePlace;
-use egui::{Key, Modifiers};
+use egui::{Event, Key, Modifiers, PointerButton, pos2};
 use egui_kittest::kittest::Queryable as _;
 
-use super::{Driven, click, document, driven, file, opened, viewer, wait};
+use super::{Driven, click, document, drag, driven, file, opened, viewer, wait};
 
 #[test]
 fn a_function_that_cannot_be_drawn_is_copied_as_it_was_edited() {
@@ -98,4 +99,72 @@ fn esc_closes_a_window_over_the_file_and_ctrl_keys_work_wherever_the_focus_is() 
     driven.step();
     driven.step();
     assert!(driven.query_by_label("Open a path").is_none());
+}
+
+fn eyes(driven: &Driven) -> Vec<Eye> {
+    viewer(driven).documents().iter().map(|document| document.look.eye).collect()
+}
+
+fn hold(driven: &mut Driven, key: Key, frames: usize) {
+    let event = |pressed| Event::Key { key, physical_key: None, pressed, repeat: false, modifiers: Modifiers::NONE };
+    driven.event(event(true));
+    (0..frames).for_each(|_| driven.step());
+    driven.event(event(false));
+    driven.step();
+}
+
+#[test]
+fn keys_and_buttons_move_linked_views_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = three(folder.path());
+    click(&mut driven, "Link views");
+    driven.key_press(Key::Num3);
+    driven.step();
+    assert!(eyes(&driven).iter().all(|eye| eye.azimuth == 90.0));
+    click(&mut driven, "Back");
+    assert!(eyes(&driven).iter().all(|eye| eye.azimuth == 180.0));
+    driven.key_press(Key::P);
+    driven.step();
+    assert!(eyes(&driven).iter().all(|eye| eye.fov.is_some()));
+}
+
+#[test]
+fn one_file_of_several_side_by_side_flies_and_linked_ones_fly_as_far() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = three(folder.path());
+    click(&mut driven, "Side by side");
+    click(&mut driven, "Perspective");
+    click(&mut driven, "Fly");
+    let before = eyes(&driven);
+    hold(&mut driven, Key::W, 10);
+    let alone = eyes(&driven);
+    assert!(alone[..2] == before[..2] && alone[2] != before[2]);
+    let far = (alone[2].target - before[2].target).length();
+    click(&mut driven, "Link views");
+    hold(&mut driven, Key::W, 10);
+    let linked = eyes(&driven);
+    assert!(linked.iter().all(|eye| *eye == linked[2]));
+    assert!(((linked[2].target - alone[2].target).length() / far - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn in_a_parallel_view_w_magnifies() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = opened(folder.path());
+    click(&mut driven, "Fly");
+    let before = document(&driven).look.eye;
+    hold(&mut driven, Key::W, 10);
+    let after = document(&driven).look.eye;
+    assert!(after.height < 0.95 * before.height && after.target == before.target);
+}
+
+#[test]
+fn side_by_side_keeps_the_view_and_shows_all_of_what_was_not_moved() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = three(folder.path());
+    drag(&mut driven, PointerButton::Secondary, pos2(400.0, 360.0), pos2(450.0, 380.0));
+    let before = eyes(&driven);
+    click(&mut driven, "Side by side");
+    let after = eyes(&driven);
+    assert!(after[2] == before[2] && after[1].height > before[1].height);
 }

@@ -71,7 +71,7 @@ impl Viewer {
             ui.checkbox(&mut self.has_panel, "Panel");
             if self.documents.len() > 1 {
                 if ui.checkbox(&mut self.is_side_by_side, "Side by side").changed() {
-                    self.documents.iter_mut().for_each(|document| document.needs_fit = true);
+                    self.documents.iter_mut().for_each(|document| document.needs_fit |= document.is_fitted());
                 }
                 ui.checkbox(&mut self.is_linked, "Link views").on_hover_text("All files are seen from the same place");
             }

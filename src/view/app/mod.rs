@@ -114,8 +114,11 @@ impl Viewer {
         Panel::bottom("status").show(ui, |ui| self.status(ui));
         if self.has_panel && !self.documents.is_empty() {
             Panel::right("panel").default_size(330.0).min_size(290.0).max_size(520.0).show(ui, |ui| {
-                let request = panel(ui, &mut self.documents[self.active], &mut self.manner, self.view_size);
+                let document = &mut self.documents[self.active];
+                let before = document.look.eye;
+                let request = panel(ui, document, &mut self.manner, self.view_size);
                 self.answer(&context, request);
+                self.link_views(self.active, before);
             });
         }
         let views = CentralPanel::no_frame().show(ui, |ui| self.views(ui)).response.rect;
@@ -282,6 +285,7 @@ impl Viewer {
         }
         let size = self.view_size;
         let Some(document) = self.documents.get_mut(self.active) else { return };
+        let before = document.look.eye;
         if pressed(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z) || pressed(Modifiers::COMMAND, Key::Y) {
             document.edits.redo();
             document.apply();
@@ -305,6 +309,7 @@ impl Viewer {
         if !is_covered && context.input(|input| input.key_pressed(Key::Escape)) {
             document.picked = None;
         }
+        self.link_views(self.active, before);
     }
 
     fn close(&mut self, index: usize) {

@@ -4,7 +4,8 @@ use egui::{Color32, Rect, Sense, Ui, pos2};
 
 use super::Viewer;
 use crate::draw::shape;
-use crate::navigate::navigate;
+use crate::look::Eye;
+use crate::navigate::{fly, navigate};
 use crate::overlay::{self, ScreenMap};
 
 impl Viewer {
@@ -66,6 +67,9 @@ impl Viewer {
         if !holds {
             navigate(ui, &response, &mut document.look.eye, &mut document.motion, self.manner);
         }
+        if self.manner.flies && index == self.active {
+            fly(ui, &mut document.look.eye);
+        }
         let time = ui.input(|input| input.time);
         let (model, version) = (document.model.clone(), document.version());
         let [r, g, b] = document.look.background;
@@ -86,6 +90,11 @@ impl Viewer {
             wait("Drawing the first picture …");
         }
         self.over_picture(ui, &response, rect, index);
+        self.link_views(index, before);
+    }
+
+    /// Moves linked views to where this one is, if it has moved. `before`: where it was.
+    pub(super) fn link_views(&mut self, index: usize, before: Eye) {
         let eye = self.documents[index].look.eye;
         if self.is_linked && eye != before {
             self.documents.iter_mut().for_each(|other| other.look.eye = eye);
