@@ -1,32 +1,38 @@
 //! Choosing files: by the desktop's dialogs, on a thread of their own, or by the browser's.
 
+use std::path::Path;
+#[cfg(target_arch = "wasm32")]
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 
 use egui::Context;
-#[cfg(target_arch = "wasm32")]
-use std::sync::Arc;
 
 use crate::open::FilePlace;
+use crate::save::{PictureJob, files};
 
 /// What a file is chosen for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Clone)]
 pub(crate) enum Purpose {
     /// To open it.
     OpenFile,
     /// To open the volume in it, a folder.
     OpenFolder,
     /// To write a picture.
-    SavePicture,
-    /// To read a transfer function.
-    LoadTransfer,
-    /// To write the transfer function.
-    SaveTransfer,
+    SavePicture(Box<PictureJob>),
+    /// To read a transfer function for the document of this number.
+    LoadTransfer(u64),
+    /// To write the transfer function of the document of this number.
+    SaveTransfer(u64),
 }
 
 impl Purpose {
-    /// Returns whether a file is written.
-    pub(crate) fn saves(self) -> bool {
-        matches!(self, Purpose::SavePicture | Purpose::SaveTransfer)
+    /// Returns whether the file at a path is replaced.
+    pub(crate) fn replaces(&self, path: &Path) -> bool {
+        match self {
+            Purpose::SavePicture(job) => files(path, job.form.frames) == [path] && path.exists(),
+            Purpose::SaveTransfer(_) => path.exists(),
+            _ => false,
+        }
     }
 }
 
@@ -47,9 +53,9 @@ impl Dialog {
     /// Opens a dialog. A browser asks for no place to write to: it has a folder for downloads.
     pub(crate) fn begin(purpose: Purpose, context: &Context) -> Dialog {
         let (sender, result) = channel();
-        let context = context.clone();
+        let (context, asked) = (context.clone(), purpose.clone());
         crate::background::run(async move || {
-            let choice = choose(purpose).await;
+            let choice = choose(asked).await;
             // Nobody receives if the window was closed.
             let _ = sender.send(choice);
             context.request_repaint();
@@ -59,11 +65,12 @@ impl Dialog {
 
     /// Returns what was chosen once the dialog is closed.
     pub(crate) fn result(&self) -> Option<(Purpose, Choice)> {
-        match self.result.try_recv() {
-            Ok(choice) => Some((self.purpose, choice)),
-            Err(std::sync::mpsc::TryRecvError::Empty) => None,
-            Err(std::sync::mpsc::TryRecvError::Disconnected) => Some((self.purpose, Ok(Vec::new()))),
-        }
+        let choice = match self.result.try_recv() {
+            Ok(choice) => choice,
+            Err(std::sync::mpsc::TryRecvError::Empty) => return None,
+            Err(std::sync::mpsc::TryRecvError::Disconnected) => Ok(Vec::new()),
+        };
+        Some((self.purpose.clone(), choice))
     }
 }
 
@@ -73,18 +80,18 @@ async fn choose(purpose: Purpose) -> Choice {
     let paths = failures::noted(|| match purpose {
         Purpose::OpenFile => dialog.set_title("Open files or volumes").pick_files(),
         Purpose::OpenFolder => dialog.set_title("Open a folder").pick_folder().map(|path| vec![path]),
-        Purpose::SavePicture => dialog
+        Purpose::SavePicture(job) => dialog
             .set_title("Save the picture")
-            .set_file_name("picture.png")
+            .set_file_name(job.name())
             .add_filter("Pictures", &["png", "apng", "exr"])
             .save_file()
             .map(|path| vec![path]),
-        Purpose::LoadTransfer => dialog
+        Purpose::LoadTransfer(_) => dialog
             .set_title("Load a transfer function")
             .add_filter("Functions", &["json", "ctbl"])
             .pick_file()
             .map(|path| vec![path]),
-        Purpose::SaveTransfer => dialog
+        Purpose::SaveTransfer(_) => dialog
             .set_title("Save the transfer function")
             .set_file_name("transfer.json")
             .add_filter("Functions", &["json"])
@@ -161,7 +168,7 @@ async fn choose(purpose: Purpose) -> Choice {
     Ok(match purpose {
         Purpose::OpenFile => FilePlace::together(crate::page::choose("", true).await),
         Purpose::OpenFolder => crate::page::choose_folder().await.map(FilePlace::folder).into_iter().collect(),
-        Purpose::LoadTransfer => {
+        Purpose::LoadTransfer(_) => {
             let mut places = Vec::new();
             for file in crate::page::choose(".json,.ctbl", false).await {
                 let bytes = crate::page::read(&file).await;
@@ -169,7 +176,7 @@ async fn choose(purpose: Purpose) -> Choice {
             }
             places
         }
-        Purpose::SavePicture => vec![FilePlace::Path("picture.png".into())],
-        Purpose::SaveTransfer => vec![FilePlace::Path("transfer.json".into())],
+        Purpose::SavePicture(job) => vec![FilePlace::Path(job.name().into())],
+        Purpose::SaveTransfer(_) => vec![FilePlace::Path("transfer.json".into())],
     })
 }

@@ -17,6 +17,8 @@ use crate::pick::{Picked, Ray};
 
 /// An open file.
 pub struct Document {
+    /// Which of the files that were opened it is.
+    pub(crate) number: u64,
     /// The name on the tab.
     pub title: String,
     /// The file that the model lies in; of a volume, the volume's.
@@ -39,6 +41,8 @@ pub struct Document {
     pub look: ViewLook,
     /// The transfer function and its earlier states.
     pub edits: History<Edited>,
+    /// The transfer function as it was opened, loaded or saved last.
+    saved: Edited,
     /// What the editor remembers.
     pub editor: EditorState,
     /// Values that the function shows and the file does not store.
@@ -72,6 +76,7 @@ impl Document {
         let look = ViewLook::first(&model, extent, background, [800, 800])?;
         let edited = Edited::of(model.transfer(), &stored);
         Ok(Document {
+            number: 0,
             title: place.name(),
             place,
             is_adj,
@@ -82,6 +87,7 @@ impl Document {
             stored,
             is_drawn: true,
             look,
+            saved: edited.clone(),
             edits: History::new(edited),
             editor: EditorState::default(),
             missing: Vec::new(),
@@ -110,6 +116,7 @@ impl Document {
                     let is_changed = self.edits.can_undo() || self.edits.can_redo();
                     if stored != self.stored && !is_changed {
                         self.edits = History::new(Edited::of(model.transfer(), &stored));
+                        self.set_saved();
                     }
                     (self.model, self.stored) = (model, stored);
                     self.version[1] += 1;
@@ -147,10 +154,21 @@ impl Document {
         transfer.and(eye.map(|_| ()))
     }
 
-    /// Draws with another transfer function; that can be undone.
+    /// Draws with another transfer function, which lies in a file or a link; that can be undone.
     pub fn set_transfer(&mut self, transfer: &TransferFunction) {
         self.edits.set(Edited::of(transfer, &self.stored));
+        self.set_saved();
         self.apply();
+    }
+
+    /// Notes that the transfer function of the editor is saved.
+    pub(crate) fn set_saved(&mut self) {
+        self.saved = self.edits.now.clone();
+    }
+
+    /// Returns whether the transfer function was edited since it was opened, loaded or saved.
+    pub fn is_unsaved(&self) -> bool {
+        self.edits.now != self.saved
     }
 
     /// Draws with the transfer function that the editor holds.

@@ -3,7 +3,7 @@
 //! In: the page's address, whose query names a file, a camera and a transfer function. Out: the viewer on the page's
 //! canvas; files that are chosen and downloaded.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 
 use adjsplat::error::{Error, Result};
@@ -16,7 +16,9 @@ use wasm_bindgen::closure::Closure;
 use wasm_bindgen::prelude::wasm_bindgen;
 use wasm_bindgen::{JsCast as _, JsValue};
 use wasm_bindgen_futures::JsFuture;
-use web_sys::{Blob, DragEvent, File, HtmlAnchorElement, HtmlCanvasElement, HtmlInputElement, Url, UrlSearchParams};
+use web_sys::{
+    Blob, DragEvent, Event, File, HtmlAnchorElement, HtmlCanvasElement, HtmlInputElement, Url, UrlSearchParams,
+};
 
 use crate::Window;
 use crate::app::Viewer;
@@ -43,6 +45,7 @@ pub async fn start(canvas: HtmlCanvasElement) -> std::result::Result<(), JsValue
     });
     let options = WebOptions { dithering: false, ..WebOptions::default() };
     listen_for_drops(&canvas)?;
+    ask_before_leaving()?;
     WebRunner::new().start(canvas, options, create).await
 }
 
@@ -55,6 +58,17 @@ fn listen_for_drops(canvas: &HtmlCanvasElement) -> std::result::Result<(), JsVal
     canvas.add_event_listener_with_callback("drop", listen.into_js_value().unchecked_ref())
 }
 
+/// Lets the browser ask before it leaves the page while a transfer function is not saved.
+fn ask_before_leaving() -> std::result::Result<(), JsValue> {
+    let listen = Closure::<dyn Fn(Event)>::new(|event: Event| {
+        if HAS_UNSAVED.get() {
+            event.prevent_default();
+        }
+    });
+    let window = web_sys::window().expect("a page has a window");
+    window.add_event_listener_with_callback("beforeunload", listen.into_js_value().unchecked_ref())
+}
+
 /// Returns what was dropped since the last call.
 pub(crate) fn dropped() -> Vec<FilePlace> {
     DROPPED.take()
@@ -63,12 +77,15 @@ pub(crate) fn dropped() -> Vec<FilePlace> {
 thread_local! {
     /// What was dropped and is not opened yet.
     static DROPPED: RefCell<Vec<FilePlace>> = const { RefCell::new(Vec::new()) };
+    /// Whether a transfer function is not saved.
+    static HAS_UNSAVED: Cell<bool> = const { Cell::new(false) };
     /// What is shown, as JSON, and the picture.
     static SHOWN: RefCell<(String, Option<Arc<ColorImage>>)> = const { RefCell::new((String::new(), None)) };
 }
 
 /// Makes what the viewer shows known to scripts of the page.
 pub(crate) fn publish(viewer: &Viewer) {
+    HAS_UNSAVED.set(viewer.has_unsaved());
     let document = viewer.active();
     let shown = document.and_then(|document| document.painter.shown());
     let state = json!({

@@ -31,33 +31,43 @@ pub struct PictureForm {
     pub frames: u32,
 }
 
+/// A picture that is to be saved: what it shows, and how.
+#[derive(Clone)]
+pub(crate) struct PictureJob {
+    pub(crate) model: Model,
+    pub(crate) look: ViewLook,
+    pub(crate) form: PictureForm,
+    /// The device that draws; `None` for the processor.
+    pub(crate) canvas: Option<Canvas>,
+}
+
+impl PictureJob {
+    /// Returns the name that the file has unless the user gives another one.
+    pub(crate) fn name(&self) -> &'static str {
+        if self.form.frames > 1 { "turn.apng" } else { "picture.png" }
+    }
+}
+
 /// A picture that is being written.
-pub struct Saving {
-    /// The file.
-    pub path: PathBuf,
+pub(crate) struct Saving {
+    /// The files.
+    files: Vec<PathBuf>,
     /// The number of pictures.
-    pub frames: u32,
+    pub(crate) frames: u32,
     done: Arc<AtomicUsize>,
     is_cancelled: Arc<AtomicBool>,
     result: Receiver<Result<()>>,
 }
 
 impl Saving {
-    /// Begins to draw and write a picture, whose ending is .png, .apng or .exr: by the processor, or the device of `canvas`.
-    pub fn begin(
-        path: &Path,
-        model: &Model,
-        look: &ViewLook,
-        form: PictureForm,
-        canvas: Option<&Canvas>,
-        context: &Context,
-    ) -> Saving {
+    /// Begins to draw and write a picture, whose ending is .png, .apng or .exr.
+    pub(crate) fn begin(path: &Path, job: &PictureJob, context: &Context) -> Saving {
         let (sender, result) = channel();
         let (done, is_cancelled) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(false)));
-        let own = (path.to_owned(), model.clone(), look.clone(), context.clone(), done.clone(), is_cancelled.clone());
-        let canvas = canvas.cloned();
+        let (files, frames) = (files(path, job.form.frames), job.form.frames);
+        let own = (path.to_owned(), job.clone(), context.clone(), done.clone(), is_cancelled.clone());
         crate::background::run(async move || {
-            let (path, model, look, context, done, is_cancelled) = own;
+            let (path, PictureJob { model, look, form, canvas }, context, done, is_cancelled) = own;
             let step = |frames| {
                 done.store(frames, Ordering::Relaxed);
                 context.request_repaint();
@@ -67,21 +77,36 @@ impl Saving {
             let _ = sender.send(save(&path, &model, &look, form, canvas.as_ref(), step).await);
             context.request_repaint();
         });
-        Saving { path: path.to_owned(), frames: form.frames, done, is_cancelled, result }
+        Saving { files, frames, done, is_cancelled, result }
     }
 
-    /// Returns the number of pictures that are drawn.
-    pub fn done(&self) -> usize {
-        self.done.load(Ordering::Relaxed)
+    /// Returns what goes on, in words.
+    pub(crate) fn progress(&self) -> String {
+        match self.done.load(Ordering::Relaxed) + 1 {
+            next if next <= self.frames as usize => format!("Drawing {next} of {}", self.frames),
+            _ => format!("Writing {}", names(&self.files)),
+        }
     }
 
-    /// Asks the thread to stop; no file is left.
-    pub fn cancel(&self) {
+    /// Returns what was saved, in words; or, of a turn in numbered files that could not be saved, which of them are written.
+    pub(crate) fn outcome(&self, is_saved: bool) -> String {
+        let written = self.done.load(Ordering::Relaxed);
+        match &self.files[..] {
+            files if is_saved => format!("Saved {}", names(files)),
+            files if files.len() > 1 && written > 0 => {
+                format!("{written} of {} pictures are written: {}", files.len(), names(&files[..written]))
+            }
+            files => format!("{} was not saved", names(&files[..1])),
+        }
+    }
+
+    /// Asks the thread to stop.
+    pub(crate) fn cancel(&self) {
         self.is_cancelled.store(true, Ordering::Relaxed);
     }
 
     /// Returns the result once it is there.
-    pub fn result(&self) -> Option<Result<()>> {
+    pub(crate) fn result(&self) -> Option<Result<()>> {
         self.result.try_recv().ok()
     }
 }
@@ -89,10 +114,10 @@ impl Saving {
 /// Draws a picture, or a full turn, and writes it, as a whole or not at all. `step` is called after each picture. The
 /// processor draws, or the device of `canvas`.
 ///
-/// A turn goes into one .apng file, or into numbered files beside `path`: picture-000.png and so on.
+/// A turn goes into one .apng file, or into numbered files beside `path`: picture-000.png and so on. They replace no files.
 ///
 /// # Errors
-/// [`Error::Input`] for another ending; the errors of the renderer, of writing, and of `step`.
+/// [`Error::Input`] for another ending, and where a numbered file is there already; the errors of the renderer, of writing, and of `step`.
 pub async fn save(
     path: &Path,
     model: &Model,
@@ -102,6 +127,11 @@ pub async fn save(
     step: impl Fn(usize) -> Result<()>,
 ) -> Result<()> {
     let kind = PictureKind::of(path)?;
+    let files = files(path, form.frames);
+    if let Some(there) = files.iter().find(|file| files.len() > 1 && file.exists()) {
+        let why = "is there already; give the turn another name, or remove its numbered pictures";
+        return Err(Error::input(there.display().to_string(), why));
+    }
     let depth = if form.is_deep { SampleDepth::Sixteen } else { SampleDepth::Eight };
     let settings = look.settings(model.grid(), form.size, form.quality)?;
     let mut pictures = Vec::new();
@@ -117,8 +147,8 @@ pub async fn save(
             frame.over(Colour::from_bytes(look.background).linear());
         }
         let picture = Picture::new(&frame, kind, depth);
-        if form.frames > 1 && kind != PictureKind::Apng {
-            write(&numbered(path, index), |out| picture.write(out))?;
+        if files.len() > 1 {
+            write(&files[index as usize], |out| picture.write(out))?;
         } else {
             pictures.push(picture);
         }
@@ -130,11 +160,23 @@ pub async fn save(
     }
 }
 
-/// Returns the path of a turn's picture: picture-007.png for picture.png.
-fn numbered(path: &Path, index: u32) -> PathBuf {
+/// Returns the files that a picture is written to: `path`, or for a turn numbered ones, such as picture-007.png.
+pub(crate) fn files(path: &Path, frames: u32) -> Vec<PathBuf> {
+    if frames == 1 || PictureKind::of(path).is_ok_and(|kind| kind == PictureKind::Apng) {
+        return vec![path.to_owned()];
+    }
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let ending = path.extension().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!("{stem}-{index:03}.{ending}"))
+    let width = (frames - 1).to_string().len().max(3);
+    (0..frames).map(|frame| path.with_file_name(format!("{stem}-{frame:0width$}.{ending}"))).collect()
+}
+
+/// Returns the path of a file, or those of the first and the last of several.
+fn names(files: &[PathBuf]) -> String {
+    match files {
+        [first, .., last] => format!("{} to {}", first.display(), last.display()),
+        _ => files.iter().map(|file| file.display().to_string()).collect(),
+    }
 }
 
 /// Writes a file as a whole or not at all; in a browser it is downloaded.

@@ -6,7 +6,7 @@ use adjsplat::splat::Quality;
 use egui::{Context, Label, ProgressBar, Theme, Ui};
 
 use super::Viewer;
-use crate::dialog::{Dialog, Purpose};
+use crate::dialog::Purpose;
 use crate::document::Document;
 use crate::editor::Edited;
 use crate::editor::ui::number;
@@ -20,11 +20,11 @@ impl Viewer {
         ui.horizontal_wrapped(|ui| {
             ui.menu_button("Open", |ui| {
                 if ui.button("File…").clicked() {
-                    self.dialog = Some(Dialog::begin(Purpose::OpenFile, &context));
+                    self.ask_for_file(&context, Purpose::OpenFile);
                     ui.close();
                 }
                 if ui.button("Folder…").on_hover_text("DICOM or TIFF slices, or Zarr").clicked() {
-                    self.dialog = Some(Dialog::begin(Purpose::OpenFolder, &context));
+                    self.ask_for_file(&context, Purpose::OpenFolder);
                     ui.close();
                 }
                 let (title, what) = match cfg!(target_arch = "wasm32") {
@@ -32,7 +32,7 @@ impl Viewer {
                     false => ("Path…", "Type the path of a file or a folder"),
                 };
                 if ui.button(title).on_hover_text(what).clicked() {
-                    self.typed_path = Some((Purpose::OpenFile, String::new()));
+                    self.ask_for_path(Purpose::OpenFile);
                     ui.close();
                 }
                 ui.separator();

@@ -1,6 +1,8 @@
 //! The program: open documents as tabs or side by side, menus, keys, messages.
 
 mod menu;
+#[cfg(test)]
+mod tests;
 mod views;
 mod windows;
 
@@ -8,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use adjsplat::TransferFunction;
 use adjsplat::error::{Error, Result};
-use egui::{CentralPanel, Context, Key, Modifiers, Panel, Popup, Theme, Ui};
+use egui::{CentralPanel, Context, Key, Modifiers, Panel, Popup, Theme, Ui, ViewportCommand};
 
 use crate::dialog::{Dialog, NoDialog, Purpose};
 use crate::document::Document;
@@ -21,13 +23,24 @@ use crate::recent::RecentFiles;
 use crate::save::{PictureForm, Saving, write};
 use crate::theme;
 
+/// What the user closes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Closing {
+    /// The document of this number.
+    Document(u64),
+    /// The program.
+    Program,
+}
+
 /// The viewer.
 pub struct Viewer {
     documents: Vec<Document>,
     active: usize,
+    /// The number of files that were opened.
+    opened_count: u64,
     openings: Vec<Opening>,
     savings: Vec<Saving>,
-    dialog: Option<Dialog>,
+    dialogs: Vec<Dialog>,
     recent: RecentFiles,
     renderer: Renderer,
     manner: Manner,
@@ -35,11 +48,15 @@ pub struct Viewer {
     is_linked: bool,
     is_side_by_side: bool,
     has_panel: bool,
-    /// The path that is typed and what it is for, while the window for it is open.
-    typed_path: Option<(Purpose, String)>,
+    /// The paths that are asked for one after the other, as typed so far, and what they are for.
+    typed_paths: Vec<(Purpose, String)>,
     /// How the next picture is saved, while the window for it is open.
     form: Option<PictureForm>,
     form_is_open: bool,
+    /// What shall be closed, while the window that asks for unsaved changes is open.
+    closing: Option<Closing>,
+    /// Whether the user gave unsaved changes up and closes the program.
+    gives_up: bool,
     /// What was said since the last click on a view; with each line whether it is an error.
     messages: Vec<(String, bool)>,
     /// The size of the last view, in pixels.
@@ -56,16 +73,19 @@ impl Viewer {
             active: 0,
             openings: Vec::new(),
             savings: Vec::new(),
-            dialog: None,
+            dialogs: Vec::new(),
+            opened_count: 0,
             recent,
             renderer,
             manner: Manner { has_inertia: true, flies: false },
             is_linked: false,
             is_side_by_side: false,
             has_panel: true,
-            typed_path: None,
+            typed_paths: Vec::new(),
             form: None,
             form_is_open: false,
+            closing: None,
+            gives_up: false,
             messages: Vec::new(),
             view_size: [800, 600],
             was_dark: None,
@@ -104,6 +124,7 @@ impl Viewer {
     pub fn show(&mut self, ui: &mut Ui) {
         let context = ui.ctx().clone();
         self.follow_theme(&context);
+        self.keep_unsaved(&context);
         self.take_dropped(&context);
         self.take_results(&context);
         self.keys(&context);
@@ -183,6 +204,8 @@ impl Viewer {
                     if let Err(fault) = document.fulfil(&wish) {
                         self.fail(&fault);
                     }
+                    self.opened_count += 1;
+                    document.number = self.opened_count;
                     self.documents.push(document);
                     self.active = self.documents.len() - 1;
                 }
@@ -191,26 +214,29 @@ impl Viewer {
             }
         }
         let mut saved = Vec::new();
-        self.savings.retain(|saving| match saving.result() {
-            None => true,
-            Some(result) => {
-                saved.push((saving.path.clone(), result));
-                false
-            }
+        self.savings.retain(|saving| {
+            let Some(result) = saving.result() else { return true };
+            saved.push((saving.outcome(result.is_ok()), result));
+            false
         });
-        for (path, result) in saved {
+        for (outcome, result) in saved {
             match result {
-                Ok(()) => self.say(format!("Saved {}", path.display())),
-                Err(Error::Interrupted) => self.say(format!("{} was not saved", path.display())),
-                Err(fault) => self.fail(&fault),
+                Ok(()) | Err(Error::Interrupted) => self.say(outcome),
+                Err(fault) => self.warn(format!("{}; {outcome}", full(&fault))),
             }
         }
-        if let Some((purpose, choice)) = self.dialog.as_ref().and_then(Dialog::result) {
-            self.dialog = None;
+        let mut answers = Vec::new();
+        self.dialogs.retain(|dialog| {
+            let answer = dialog.result();
+            let is_open = answer.is_none();
+            answers.extend(answer);
+            is_open
+        });
+        for (purpose, choice) in answers {
             match choice {
                 Ok(places) => self.chosen(context, purpose, places),
                 Err(NoDialog) => {
-                    self.typed_path = Some((purpose, String::new()));
+                    self.ask_for_path(purpose);
                     self.warn(NO_DIALOG.into());
                 }
             }
@@ -218,6 +244,16 @@ impl Viewer {
         self.documents.iter_mut().for_each(Document::finish_pick);
         let faults: Vec<String> = self.documents.iter_mut().filter_map(Document::take_news).collect();
         faults.into_iter().for_each(|fault| self.warn(fault));
+    }
+
+    /// Opens a dialog for a file.
+    fn ask_for_file(&mut self, context: &Context, purpose: Purpose) {
+        self.dialogs.push(Dialog::begin(purpose, context));
+    }
+
+    /// Asks for a path, after those that are asked for already.
+    fn ask_for_path(&mut self, purpose: Purpose) {
+        self.typed_paths.push((purpose, String::new()));
     }
 
     /// Does what a file was chosen for.
@@ -230,54 +266,68 @@ impl Viewer {
         }
         let Some(place) = places.pop() else { return };
         let path = place.path().unwrap_or("".as_ref());
-        // A browser asks for no name.
-        let is_turn = cfg!(target_arch = "wasm32") && self.form.is_some_and(|form| form.frames > 1);
-        let path = if is_turn && purpose == Purpose::SavePicture { "turn.apng".as_ref() } else { path };
-        let Some(document) = self.documents.get_mut(self.active) else { return };
-        let result = match purpose {
+        let result = match &purpose {
             Purpose::OpenFile | Purpose::OpenFolder => Ok(()),
-            Purpose::SavePicture => {
-                if let Some(form) = self.form {
-                    // On a desktop the processor, whose pictures are those of `adj render` bit for bit.
-                    let canvas = cfg!(target_arch = "wasm32").then(|| document.painter.canvas());
-                    self.savings.push(Saving::begin(path, &document.model, &document.look, form, canvas, context));
-                }
+            Purpose::SavePicture(job) => {
+                self.savings.push(Saving::begin(path, job, context));
                 Ok(())
             }
-            Purpose::LoadTransfer => transfer_at(&place).map(|transfer| document.set_transfer(&transfer)),
-            Purpose::SaveTransfer => {
-                let saved = document.transfer().and_then(|transfer| save_transfer(path, &transfer.to_json()));
-                if saved.is_ok() && !cfg!(target_arch = "wasm32") {
-                    self.say(format!("Saved {}", path.display()));
-                }
-                saved
-            }
+            Purpose::LoadTransfer(number) => self
+                .document_of(*number)
+                .and_then(|document| transfer_at(&place).map(|transfer| document.set_transfer(&transfer))),
+            Purpose::SaveTransfer(number) => self.document_of(*number).and_then(|document| {
+                save_transfer(path, &document.transfer()?.to_json())?;
+                document.set_saved();
+                Ok(())
+            }),
         };
-        if let Err(fault) = result {
-            self.fail(&fault);
+        match result {
+            Ok(()) if matches!(purpose, Purpose::SaveTransfer(_)) && !cfg!(target_arch = "wasm32") => {
+                self.say(format!("Saved {}", path.display()));
+            }
+            Ok(()) => {}
+            Err(fault) => self.fail(&fault),
         }
     }
 
+    /// Returns the document of a number.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it was closed.
+    fn document_of(&mut self, number: u64) -> Result<&mut Document> {
+        let document = self.documents.iter_mut().find(|document| document.number == number);
+        document
+            .ok_or_else(|| Error::input("the volume", "was closed before a file for its transfer function was chosen"))
+    }
+
     fn answer(&mut self, context: &Context, request: Option<Request>) {
+        let document = &mut self.documents[self.active];
         match request {
-            Some(Request::LoadTransfer) => self.dialog = Some(Dialog::begin(Purpose::LoadTransfer, context)),
-            Some(Request::SaveTransfer) => self.dialog = Some(Dialog::begin(Purpose::SaveTransfer, context)),
-            Some(Request::Fit) => self.documents[self.active].fit(self.view_size),
+            Some(Request::LoadTransfer) => {
+                let purpose = Purpose::LoadTransfer(document.number);
+                self.ask_for_file(context, purpose);
+            }
+            Some(Request::SaveTransfer) => {
+                let purpose = Purpose::SaveTransfer(document.number);
+                self.ask_for_file(context, purpose);
+            }
+            Some(Request::Fit) => document.fit(self.view_size),
             None => {}
         }
     }
 
     fn keys(&mut self, context: &Context) {
         let pressed = |modifiers, key| context.input_mut(|input| input.consume_key(modifiers, key));
-        if pressed(Modifiers::COMMAND, Key::O) && self.typed_path.is_none() {
-            self.typed_path = Some((Purpose::OpenFile, String::new()));
+        if pressed(Modifiers::COMMAND, Key::O) && self.typed_paths.is_empty() {
+            self.ask_for_path(Purpose::OpenFile);
         }
         // A text field uses the other keys itself.
         if context.text_edit_focused() {
             return;
         }
         // Esc is first for what lies over the views.
-        let is_covered = self.form_is_open || self.typed_path.is_some() || Popup::is_any_open(context);
+        let has_window = self.form_is_open || self.closing.is_some() || !self.typed_paths.is_empty();
+        let is_covered = has_window || Popup::is_any_open(context);
         // A browser closes the page by Ctrl+W.
         let closes = if cfg!(target_arch = "wasm32") { Modifiers::ALT } else { Modifiers::COMMAND };
         if pressed(closes, Key::W) && !self.documents.is_empty() {
@@ -312,11 +362,34 @@ impl Viewer {
         self.link_views(self.active, before);
     }
 
+    /// Closes a document; asks first if its transfer function is not saved.
     fn close(&mut self, index: usize) {
+        let document = &self.documents[index];
+        if document.is_unsaved() {
+            self.closing = Some(Closing::Document(document.number));
+        } else {
+            self.remove(index);
+        }
+    }
+
+    fn remove(&mut self, index: usize) {
         self.documents.remove(index);
         if index < self.active || self.active == self.documents.len() {
             self.active = self.active.saturating_sub(1);
         }
+    }
+
+    /// Asks before the program is closed, if a transfer function is not saved.
+    fn keep_unsaved(&mut self, context: &Context) {
+        if context.input(|input| input.viewport().close_requested()) && !self.gives_up && self.has_unsaved() {
+            context.send_viewport_cmd(ViewportCommand::CancelClose);
+            self.closing = Some(Closing::Program);
+        }
+    }
+
+    /// Returns whether a transfer function was edited and not saved.
+    pub fn has_unsaved(&self) -> bool {
+        self.documents.iter().any(Document::is_unsaved)
     }
 }
 

@@ -1,21 +1,21 @@
 //! What lies over the views: windows for a typed path and for saving a picture, progress, and the last message.
 
-use std::path::Path;
-
 use adjsplat::splat::Quality;
-use egui::{Area, Button, Context, Frame, Key, Label, ProgressBar, Rect, Window, vec2};
+use egui::{Area, Button, Context, Frame, Key, Label, ProgressBar, Rect, ViewportCommand, Window, vec2};
 
-use super::Viewer;
-use crate::dialog::{Dialog, Purpose};
+use super::{Closing, Viewer};
+use crate::dialog::Purpose;
+use crate::document::Document;
 use crate::editor::ui::{choose, field};
 use crate::open::FilePlace;
 use crate::panel::QUALITIES;
-use crate::save::PictureForm;
+use crate::save::{PictureForm, PictureJob};
 
 impl Viewer {
     /// Shows them; `views` is where the views are.
     pub(super) fn windows(&mut self, context: &Context, views: Rect) {
         self.notices(context, views);
+        self.closing_window(context);
         self.path_window(context);
         self.picture_window(context);
     }
@@ -45,7 +45,7 @@ impl Viewer {
                         if ui.button("Cancel").clicked() {
                             saving.cancel();
                         }
-                        ui.label(format!("Drawing {} of {}", saving.done() + 1, saving.frames));
+                        ui.add(Label::new(saving.progress()).truncate());
                     });
                 }
                 for (text, is_error) in &self.messages {
@@ -57,17 +57,16 @@ impl Viewer {
     }
 
     fn path_window(&mut self, context: &Context) {
-        let Some((purpose, text)) = &mut self.typed_path else { return };
-        let purpose = *purpose;
+        let Some((purpose, text)) = self.typed_paths.first_mut() else { return };
         let mut is_open = true;
         let mut chosen = false;
         let is_page = cfg!(target_arch = "wasm32");
         let (title, example, verb) = match purpose {
             Purpose::OpenFile | Purpose::OpenFolder if is_page => ("Open an address", "head.adj", "Open"),
             Purpose::OpenFile | Purpose::OpenFolder => ("Open a path", "/data/head.adj", "Open"),
-            Purpose::SavePicture => ("Save the picture to a path", "/data/picture.png", "Save"),
-            Purpose::LoadTransfer => ("Load a transfer function from a path", "/data/transfer.json", "Load"),
-            Purpose::SaveTransfer => ("Save the transfer function to a path", "/data/transfer.json", "Save"),
+            Purpose::SavePicture(_) => ("Save the picture to a path", "/data/picture.png", "Save"),
+            Purpose::LoadTransfer(_) => ("Load a transfer function from a path", "/data/transfer.json", "Load"),
+            Purpose::SaveTransfer(_) => ("Save the transfer function to a path", "/data/transfer.json", "Save"),
         };
         Window::new(title)
             .open(&mut is_open)
@@ -80,7 +79,7 @@ impl Viewer {
                         .desired_width((context.content_rect().width() - 60.0).clamp(0.0, 420.0))
                         .hint_text(example),
                 );
-                let replaces = purpose.saves() && Path::new(text.trim()).exists();
+                let replaces = purpose.replaces(text.trim().as_ref());
                 let is_empty = text.trim().is_empty();
                 let is_entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
                 chosen = is_entered && !replaces && !is_empty;
@@ -90,20 +89,72 @@ impl Viewer {
                 let button = Button::new(if replaces { "Replace the file" } else { verb });
                 chosen |= ui.add_enabled(!is_empty, button).clicked();
             });
-        let text = text.trim().to_owned();
-        if chosen {
-            let place = if is_page { FilePlace::Address(text) } else { FilePlace::Path(text.into()) };
-            self.chosen(context, purpose, vec![place]);
-        }
         if !is_open || chosen || context.input(|input| input.key_pressed(Key::Escape)) {
-            self.typed_path = None;
+            let (purpose, text) = self.typed_paths.remove(0);
+            let text = text.trim().to_owned();
+            let place = if is_page { FilePlace::Address(text) } else { FilePlace::Path(text.into()) };
+            if chosen {
+                self.chosen(context, purpose, vec![place]);
+            }
+        }
+    }
+
+    /// Asks what shall become of transfer functions that are not saved, before something is closed.
+    fn closing_window(&mut self, context: &Context) {
+        let Some(closing) = self.closing else { return };
+        let closes = |document: &Document| closing == Closing::Program || closing == Closing::Document(document.number);
+        let unsaved = self.documents.iter().filter(|document| closes(document) && document.is_unsaved());
+        let unsaved: Vec<(u64, &str)> = unsaved.map(|document| (document.number, &*document.title)).collect();
+        let (mut is_open, mut saves, mut gives_up) = (true, None, unsaved.is_empty());
+        // While a file for one is chosen, the question waits.
+        if !gives_up && (!self.dialogs.is_empty() || !self.typed_paths.is_empty()) {
+            return;
+        }
+        if let Some((first, _)) = unsaved.first() {
+            Window::new("Unsaved changes")
+                .collapsible(false)
+                .resizable(false)
+                .anchor(egui::Align2::CENTER_TOP, [0.0, 140.0])
+                .show(context, |ui| {
+                    for (_, title) in &unsaved {
+                        ui.label(format!("The transfer function of {title} was changed and is not saved."));
+                    }
+                    ui.horizontal(|ui| {
+                        let save = ui.button("Save…");
+                        if ui.memory(|memory| memory.focused().is_none()) {
+                            save.request_focus();
+                        }
+                        saves = save.clicked().then_some(*first);
+                        gives_up = ui.button("Close without saving").clicked();
+                        is_open = !ui.button("Cancel").clicked() && !ui.input(|input| input.key_pressed(Key::Escape));
+                    });
+                });
+        }
+        if let Some(number) = saves {
+            self.ask_for_file(context, Purpose::SaveTransfer(number));
+        }
+        if gives_up {
+            match closing {
+                Closing::Program => {
+                    self.gives_up = true;
+                    context.send_viewport_cmd(ViewportCommand::Close);
+                }
+                Closing::Document(number) => {
+                    let index = self.documents.iter().position(|document| document.number == number);
+                    index.into_iter().for_each(|index| self.remove(index));
+                }
+            }
+        }
+        if gives_up || !is_open {
+            self.closing = None;
         }
     }
 
     fn picture_window(&mut self, context: &Context) {
-        if !self.form_is_open {
+        let Some(document) = self.documents.get(self.active).filter(|_| self.form_is_open) else {
+            self.form_is_open = false;
             return;
-        }
+        };
         let first = PictureForm {
             size: self.view_size,
             is_transparent: false,
@@ -129,16 +180,22 @@ impl Viewer {
                 ui.checkbox(&mut form.is_transparent, "Transparent background");
                 ui.checkbox(&mut form.is_deep, "16 bits a sample");
                 ui.add(field(&mut form.frames, 1..=3600).prefix("pictures of a full turn: "));
-                let endings = if form.frames > 1 {
+                let is_page = cfg!(target_arch = "wasm32");
+                let endings = if is_page {
+                    "The browser saves it as PNG."
+                } else if form.frames > 1 {
                     "The name ends in .apng for one file, in .png or .exr (linear, 32-bit float) for numbered files."
                 } else {
                     "The name ends in .png or .exr (linear, 32-bit float)."
                 };
                 ui.small(endings);
-                saves = ui.add(Button::new("Choose a file…")).clicked();
+                saves = ui.button(if is_page { "Save" } else { "Choose a file…" }).clicked();
             });
         if saves {
-            self.dialog = Some(Dialog::begin(Purpose::SavePicture, context));
+            // On a desktop the processor draws, whose pictures are those of `adj render` bit for bit.
+            let canvas = cfg!(target_arch = "wasm32").then(|| document.painter.canvas().clone());
+            let job = PictureJob { model: document.model.clone(), look: document.look.clone(), form: *form, canvas };
+            self.ask_for_file(context, Purpose::SavePicture(Box::new(job)));
         }
         self.form_is_open = is_open && !saves && !context.input(|input| input.key_pressed(Key::Escape));
     }

@@ -1,0 +1,204 @@
+//! What files are chosen for, without the desktop's dialogs.
+
+use std::path::Path;
+
+use adjsplat::splat::Quality;
+use adjsplat::{Build, TransferFunction, Volume};
+use egui::ViewportEvent;
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+
+use super::*;
+use crate::save::PictureJob;
+
+type Driven = Harness<'static, Viewer>;
+
+/// Opens the same volume twice, as a.adj and b.adj; the latter is shown.
+fn two(folder: &Path) -> Driven {
+    let samples: Vec<u8> = (0..1000u16).map(|index| (index % 251) as u8).collect();
+    let volume = Volume::new([10, 10, 10], samples).unwrap();
+    let files = ["a.adj", "b.adj"].map(|name| folder.join(name));
+    for file in &files {
+        Build::new(TransferFunction::range(60.0, f64::INFINITY).unwrap()).write(&volume, file).unwrap();
+    }
+    let viewer = Viewer::new(&Context::default(), &[], RecentFiles::default(), Renderer::Processor);
+    let mut driven = Harness::builder().build_ui_state(|ui, viewer: &mut Viewer| viewer.show(ui), viewer);
+    let context = driven.ctx.clone();
+    for (count, file) in files.into_iter().enumerate() {
+        driven.state_mut().open(&context, FilePlace::Path(file));
+        wait(&mut driven, |viewer| viewer.documents.len() == count + 1);
+    }
+    driven
+}
+
+fn wait(driven: &mut Driven, holds: impl Fn(&Viewer) -> bool) {
+    let start = std::time::Instant::now();
+    while !holds(driven.state()) {
+        driven.step();
+        assert!(start.elapsed().as_secs() < 60, "{:?}", driven.state().message());
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    driven.step();
+}
+
+/// Does what a path is chosen for.
+fn choose(driven: &mut Driven, purpose: Purpose, path: &Path) {
+    let context = driven.ctx.clone();
+    driven.state_mut().chosen(&context, purpose, vec![FilePlace::Path(path.into())]);
+    driven.step();
+}
+
+/// Edits the transfer function of a document.
+fn edit(driven: &mut Driven, index: usize) {
+    let document = &mut driven.state_mut().documents[index];
+    let preset = TransferFunction::preset("ct-skin").unwrap();
+    document.edits.set(crate::editor::Edited::of(&preset, &document.stored));
+    document.apply();
+    driven.step();
+}
+
+fn click(driven: &mut Driven, name: &str) {
+    driven.get_by_label(name).click_accesskit();
+    driven.step();
+    driven.step();
+}
+
+fn picture(driven: &Driven, frames: u32) -> Purpose {
+    let Document { model, look, .. } = &driven.state().documents[0];
+    let quality = Quality::Draft;
+    let form = PictureForm { size: [16, 12], is_transparent: false, is_deep: false, quality, frames };
+    Purpose::SavePicture(Box::new(PictureJob { model: model.clone(), look: look.clone(), form, canvas: None }))
+}
+
+#[test]
+fn a_file_is_chosen_for_the_volume_for_which_it_was_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = two(folder.path());
+    edit(&mut driven, 0);
+    let numbers = [0, 1].map(|index| driven.state().documents[index].number);
+    let saved = folder.path().join("saved.json");
+    choose(&mut driven, Purpose::SaveTransfer(numbers[0]), &saved);
+    let first = driven.state().documents[0].transfer().unwrap();
+    assert_eq!(TransferFunction::read(&saved).unwrap(), first);
+    let other = folder.path().join("other.json");
+    std::fs::write(&other, TransferFunction::preset("ct-bone").unwrap().to_json()).unwrap();
+    driven.state_mut().remove(0);
+    choose(&mut driven, Purpose::LoadTransfer(numbers[0]), &other);
+    let message = driven.state().message().unwrap();
+    assert!(message.contains("was closed") && !driven.state().documents[0].edits.can_undo(), "{message}");
+}
+
+#[test]
+fn paths_that_are_asked_for_together_are_typed_one_after_the_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = two(folder.path());
+    driven.state_mut().ask_for_path(Purpose::OpenFile);
+    let turn = picture(&driven, 3);
+    driven.state_mut().ask_for_path(turn);
+    for title in ["Open a path", "Save the picture to a path"] {
+        driven.step();
+        driven.step();
+        assert!(driven.query_by_label(title).is_some(), "{title}");
+        driven.key_press(Key::Escape);
+        driven.step();
+    }
+    assert!(driven.state().typed_paths.is_empty());
+}
+
+#[test]
+fn a_turn_in_numbered_files_names_them_and_replaces_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = two(folder.path());
+    let path = folder.path().join("turn.png");
+    let turn = picture(&driven, 3);
+    std::fs::write(&path, "another picture").unwrap();
+    assert!(!turn.replaces(&path), "no file of this name is written");
+    choose(&mut driven, turn.clone(), &path);
+    wait(&mut driven, |viewer| viewer.savings.is_empty());
+    let message = driven.state().message().unwrap();
+    assert!(message.starts_with("Saved") && message.contains("turn-000.png to "), "{message}");
+    assert!(message.ends_with("turn-002.png"), "{message}");
+    choose(&mut driven, turn, &path);
+    wait(&mut driven, |viewer| viewer.savings.is_empty());
+    let message = driven.state().message().unwrap();
+    assert!(message.contains("turn-000.png: is there already"), "{message}");
+}
+
+#[test]
+fn a_cancelled_turn_says_which_pictures_are_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = two(folder.path());
+    let turn = picture(&driven, 3600);
+    let context = driven.ctx.clone();
+    let path = folder.path().join("turn.png");
+    driven.state_mut().chosen(&context, turn, vec![FilePlace::Path(path.clone())]);
+    let start = std::time::Instant::now();
+    while !folder.path().join("turn-0001.png").exists() {
+        assert!(start.elapsed().as_secs() < 60);
+    }
+    driven.state().savings[0].cancel();
+    wait(&mut driven, |viewer| viewer.savings.is_empty());
+    let message = driven.state().message().unwrap();
+    let written = std::fs::read_dir(folder.path()).unwrap().count() - 2;
+    let last = format!("turn-{:04}.png", written - 1);
+    assert!(
+        message.starts_with(&format!("{written} of 3600 pictures are written")) && message.ends_with(&last),
+        "{message}"
+    );
+}
+
+#[test]
+fn unsaved_changes_are_asked_about_before_a_file_is_closed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = two(folder.path());
+    edit(&mut driven, 0);
+    let number = driven.state().documents[0].number;
+    for (answer, count) in [("Cancel", 2), ("Close without saving", 1)] {
+        driven.state_mut().close(0);
+        driven.step();
+        driven.step();
+        assert!(driven.query_by_label_contains("The transfer function of a.adj was changed").is_some());
+        click(&mut driven, answer);
+        assert_eq!((driven.state().documents.len(), driven.state().closing), (count, None));
+    }
+    assert!(driven.state().documents[0].number != number);
+    // Saved meanwhile: it is closed.
+    edit(&mut driven, 0);
+    driven.state_mut().close(0);
+    driven.step();
+    let number = driven.state().documents[0].number;
+    choose(&mut driven, Purpose::SaveTransfer(number), &folder.path().join("b.json"));
+    assert!(driven.state().documents.is_empty());
+}
+
+/// Lets the desktop close the window; returns what the program answers.
+fn close_window(driven: &mut Driven) -> Vec<ViewportCommand> {
+    let viewport = driven.input_mut().viewports.entry(egui::ViewportId::ROOT).or_default();
+    viewport.events.push(ViewportEvent::Close);
+    driven.step();
+    let commands = driven.output().viewport_output[&egui::ViewportId::ROOT].commands.clone();
+    driven.input_mut().viewports.entry(egui::ViewportId::ROOT).or_default().events.clear();
+    commands
+}
+
+#[test]
+fn unsaved_changes_are_asked_about_before_the_program_is_closed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = two(folder.path());
+    assert!(!close_window(&mut driven).contains(&ViewportCommand::CancelClose));
+    edit(&mut driven, 0);
+    edit(&mut driven, 1);
+    assert!(close_window(&mut driven).contains(&ViewportCommand::CancelClose));
+    driven.step();
+    for name in ["a.adj", "b.adj"] {
+        assert!(driven.query_by_label_contains(&format!("The transfer function of {name}")).is_some());
+    }
+    driven.key_press(Key::Escape);
+    driven.step();
+    driven.step();
+    assert_eq!(driven.state().closing, None);
+    assert!(close_window(&mut driven).contains(&ViewportCommand::CancelClose));
+    driven.step();
+    click(&mut driven, "Close without saving");
+    assert!(!close_window(&mut driven).contains(&ViewportCommand::CancelClose));
+}
