@@ -22,8 +22,11 @@ pub fn run(files: Vec<PathBuf>) -> Result<()> {
         ));
     }
     let size = egui::vec2(1280.0, 800.0);
-    let viewport =
-        egui::ViewportBuilder::default().with_title("adjsplat").with_inner_size(size).with_app_id("adjsplat");
+    let viewport = egui::ViewportBuilder::default()
+        .with_title("adjsplat")
+        .with_inner_size(size)
+        .with_min_inner_size(egui::vec2(480.0, 320.0))
+        .with_app_id("adjsplat");
     // The interface has nothing to dither, and each picture of it shall be of the newest input: where the processor paints
     // the window, both take most of the time from input to picture.
     let mut options = eframe::NativeOptions { viewport, dithering: false, ..Default::default() };

@@ -154,6 +154,11 @@ extern "C" {
     fn stopped(why: &str);
 }
 
+/// Sets the title of the page.
+pub(crate) fn set_title(title: &str) {
+    document().set_title(title);
+}
+
 fn document() -> web_sys::Document {
     web_sys::window().and_then(|window| window.document()).expect("a page has a document")
 }

@@ -62,6 +62,8 @@ pub struct Viewer {
     /// The size of the last view, in pixels.
     view_size: [u32; 2],
     was_dark: Option<bool>,
+    /// The title of the window.
+    title: String,
 }
 
 impl Viewer {
@@ -89,6 +91,7 @@ impl Viewer {
             messages: Vec::new(),
             view_size: [800, 600],
             was_dark: None,
+            title: String::new(),
         };
         files.iter().for_each(|file| viewer.open(context, FilePlace::Path(file.clone())));
         viewer
@@ -144,6 +147,18 @@ impl Viewer {
         }
         let views = CentralPanel::no_frame().show(ui, |ui| self.views(ui)).response.rect;
         self.windows(&context, views);
+        self.name_window(&context);
+    }
+
+    /// Puts the name of the file that is shown into the title of the window, or of the page.
+    fn name_window(&mut self, context: &Context) {
+        let title = self.active().map_or("adjsplat".into(), |document| format!("{} – adjsplat", document.title));
+        if title != self.title {
+            #[cfg(target_arch = "wasm32")]
+            crate::page::set_title(&title);
+            context.send_viewport_cmd(ViewportCommand::Title(title.clone()));
+            self.title = title;
+        }
     }
 
     fn follow_theme(&mut self, context: &Context) {

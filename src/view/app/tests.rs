@@ -89,6 +89,17 @@ fn a_file_is_chosen_for_the_volume_for_which_it_was_asked() {
 }
 
 #[test]
+fn the_title_of_the_window_names_the_file_that_is_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = two(folder.path());
+    assert_eq!(driven.state().title, "b.adj – adjsplat");
+    driven.state_mut().remove(1);
+    driven.step();
+    let commands = &driven.output().viewport_output[&egui::ViewportId::ROOT].commands;
+    assert!(commands.contains(&ViewportCommand::Title("a.adj – adjsplat".into())), "{commands:?}");
+}
+
+#[test]
 fn paths_that_are_asked_for_together_are_typed_one_after_the_other() {
     let folder = tempfile::tempdir().unwrap();
     let mut driven = two(folder.path());
