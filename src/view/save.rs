@@ -84,20 +84,20 @@ impl Saving {
     pub(crate) fn progress(&self) -> String {
         match self.done.load(Ordering::Relaxed) + 1 {
             next if next <= self.frames as usize => format!("Drawing {next} of {}", self.frames),
-            _ => format!("Writing {}", names(&self.files)),
+            _ => format!("Writing {}", self.names()),
         }
     }
 
-    /// Returns what was saved, in words; or, of a turn in numbered files that could not be saved, which of them are written.
-    pub(crate) fn outcome(&self, is_saved: bool) -> String {
-        let written = self.done.load(Ordering::Relaxed);
-        match &self.files[..] {
-            files if is_saved => format!("Saved {}", names(files)),
-            files if files.len() > 1 && written > 0 => {
-                format!("{written} of {} pictures are written: {}", files.len(), names(&files[..written]))
-            }
-            files => format!("{} was not saved", names(&files[..1])),
-        }
+    /// Returns the names of the files.
+    pub(crate) fn names(&self) -> String {
+        names(&self.files)
+    }
+
+    /// Returns, in words, which numbered files of a turn are written; `None` if there is none.
+    pub(crate) fn written(&self) -> Option<String> {
+        let (written, all) = (self.done.load(Ordering::Relaxed), self.files.len());
+        (written > 0 && all > 1)
+            .then(|| format!("{written} of {all} pictures are written: {}", names(&self.files[..written])))
     }
 
     /// Asks the thread to stop.

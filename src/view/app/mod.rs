@@ -231,13 +231,16 @@ impl Viewer {
         let mut saved = Vec::new();
         self.savings.retain(|saving| {
             let Some(result) = saving.result() else { return true };
-            saved.push((saving.outcome(result.is_ok()), result));
+            saved.push((saving.names(), saving.written(), result));
             false
         });
-        for (outcome, result) in saved {
-            match result {
-                Ok(()) | Err(Error::Interrupted) => self.say(outcome),
-                Err(fault) => self.warn(format!("{}; {outcome}", full(&fault))),
+        for (names, written, result) in saved {
+            match (result, written) {
+                (Ok(()), _) => self.say(format!("Saved {names}")),
+                (Err(Error::Interrupted), Some(written)) => self.say(written),
+                (Err(Error::Interrupted), None) => self.say(format!("Not saved: {names}")),
+                (Err(fault), Some(written)) => self.warn(format!("{}; {written}", full(&fault))),
+                (Err(fault), None) => self.fail(&fault),
             }
         }
         let mut answers = Vec::new();
