@@ -139,7 +139,7 @@ pub fn field<N: Numeric>(number: &mut N, range: RangeInclusive<N>) -> DragValue<
         })
 }
 
-/// Returns a number in at most 7 digits, with this many decimals or more; whole numbers in full.
+/// Returns a number, [`rounded`], with this many decimals or more.
 fn digits(value: f64, decimals: usize) -> String {
     let value = rounded(value);
     let padded = format!("{value:.decimals$}");
@@ -150,10 +150,14 @@ fn digits(value: f64, decimals: usize) -> String {
     }
 }
 
-/// Rounds a number to 7 digits, unless it is whole.
+/// Rounds a number to 7 digits, or below 1 to 5; whole numbers stay.
 fn rounded(value: f64) -> f64 {
-    let is_whole = value.fract() == 0.0 && value.abs() < 1e15;
-    if is_whole { value } else { format!("{value:.6e}").parse().unwrap_or(value) }
+    let text = match value.abs() {
+        0.0..1.0 => format!("{value:.4e}"),
+        size if size < 1e15 && value.fract() == 0.0 => return value,
+        _ => format!("{value:.6e}"),
+    };
+    text.parse().unwrap_or(value)
 }
 
 /// Gives a widget the name that screen readers say.
@@ -186,4 +190,20 @@ pub fn choose<T: PartialEq + Copy>(ui: &mut Ui, name: &str, value: &mut T, all: 
         }
     });
     *value != before
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_shown_in_the_digits_that_tell_them() {
+        let shown = [0.0, 0.5, 0.058_823_53, 0.001_5, 2e-9, 127.110_24, 1e6, 123_456_789.0, 1e-300, -0.25, 1.5e20];
+        let texts = shown.map(|value| digits(value, 2));
+        let wanted =
+            ["0.00", "0.50", "0.058824", "0.0015", "2e-9", "127.1102", "1000000.00", "123456789.00", "1e-300", "-0.25"];
+        assert_eq!(texts[..10], wanted);
+        assert!(texts.iter().zip(shown).all(|(text, value)| text.parse() == Ok(rounded(value))), "{texts:?}");
+        assert_eq!([0.0012, 0.0488, 12.3456, 3e-7].map(number), ["0.0012", "0.0488", "12.346", "3.000e-7"]);
+    }
 }
