@@ -35,7 +35,7 @@ pub struct Document {
     pub model: Model,
     /// How often each value is stored.
     pub stored: StoredValues,
-    /// Whether that is the function of the editor.
+    /// Whether the model has the transfer function of the editor.
     is_drawn: bool,
     /// What is shown.
     pub look: ViewLook,

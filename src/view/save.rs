@@ -117,7 +117,8 @@ impl Saving {
 /// A turn goes into one .apng file, or into numbered files beside `path`: picture-000.png and so on. They replace no files.
 ///
 /// # Errors
-/// [`Error::Input`] for another ending, and where a numbered file is there already; the errors of the renderer, of writing, and of `step`.
+/// [`Error::Input`] for another ending, and where a numbered file is there already; the errors of the renderer, of writing, and
+/// of `step`.
 pub async fn save(
     path: &Path,
     model: &Model,
