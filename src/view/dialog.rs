@@ -3,7 +3,7 @@
 use std::path::Path;
 #[cfg(target_arch = "wasm32")]
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
 use egui::Context;
 
@@ -11,7 +11,6 @@ use crate::open::FilePlace;
 use crate::save::{PictureJob, files};
 
 /// What a file is chosen for.
-#[derive(Clone)]
 pub(crate) enum Purpose {
     /// To open it.
     OpenFile,
@@ -45,37 +44,37 @@ type Choice = Result<Vec<FilePlace>, NoDialog>;
 
 /// A dialog that is open.
 pub(crate) struct Dialog {
-    purpose: Purpose,
-    result: Receiver<Choice>,
+    result: Receiver<(Purpose, Choice)>,
 }
 
 impl Dialog {
     /// Opens a dialog. A browser asks for no place to write to: it has a folder for downloads.
     pub(crate) fn begin(purpose: Purpose, context: &Context) -> Dialog {
         let (sender, result) = channel();
-        let (context, asked) = (context.clone(), purpose.clone());
+        let context = context.clone();
         crate::background::run(async move || {
-            let choice = choose(asked).await;
+            let choice = choose(&purpose).await;
             // Nobody receives if the window was closed.
-            let _ = sender.send(choice);
+            let _ = sender.send((purpose, choice));
             context.request_repaint();
         });
-        Dialog { purpose, result }
+        Dialog { result }
     }
 
-    /// Returns what was chosen once the dialog is closed.
-    pub(crate) fn result(&self) -> Option<(Purpose, Choice)> {
-        let choice = match self.result.try_recv() {
-            Ok(choice) => choice,
-            Err(std::sync::mpsc::TryRecvError::Empty) => return None,
-            Err(std::sync::mpsc::TryRecvError::Disconnected) => Ok(Vec::new()),
-        };
-        Some((self.purpose.clone(), choice))
+    /// Puts into `answers` what was chosen, and what for; returns whether the dialog is still open.
+    pub(crate) fn is_open(&self, answers: &mut Vec<(Purpose, Choice)>) -> bool {
+        match self.result.try_recv() {
+            Ok(answer) => {
+                answers.push(answer);
+                false
+            }
+            Err(fault) => fault == TryRecvError::Empty,
+        }
     }
 }
 
 #[cfg(not(target_arch = "wasm32"))]
-async fn choose(purpose: Purpose) -> Choice {
+async fn choose(purpose: &Purpose) -> Choice {
     let dialog = rfd::FileDialog::new();
     let paths = failures::noted(|| match purpose {
         Purpose::OpenFile => dialog.set_title("Open files or volumes").pick_files(),
@@ -164,7 +163,7 @@ mod failures {
 }
 
 #[cfg(target_arch = "wasm32")]
-async fn choose(purpose: Purpose) -> Choice {
+async fn choose(purpose: &Purpose) -> Choice {
     Ok(match purpose {
         Purpose::OpenFile => FilePlace::together(crate::page::choose("", true).await),
         Purpose::OpenFolder => crate::page::choose_folder().await.map(FilePlace::folder).into_iter().collect(),

@@ -32,7 +32,6 @@ pub struct PictureForm {
 }
 
 /// A picture that is to be saved: what it shows, and how.
-#[derive(Clone)]
 pub(crate) struct PictureJob {
     pub(crate) model: Model,
     pub(crate) look: ViewLook,
@@ -61,13 +60,14 @@ pub(crate) struct Saving {
 
 impl Saving {
     /// Begins to draw and write a picture, whose ending is .png, .apng or .exr.
-    pub(crate) fn begin(path: &Path, job: &PictureJob, context: &Context) -> Saving {
+    pub(crate) fn begin(path: &Path, job: PictureJob, context: &Context) -> Saving {
         let (sender, result) = channel();
         let (done, is_cancelled) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(false)));
         let (files, frames) = (files(path, job.form.frames), job.form.frames);
-        let own = (path.to_owned(), job.clone(), context.clone(), done.clone(), is_cancelled.clone());
+        let own = (path.to_owned(), context.clone(), done.clone(), is_cancelled.clone());
         crate::background::run(async move || {
-            let (path, PictureJob { model, look, form, canvas }, context, done, is_cancelled) = own;
+            let (path, context, done, is_cancelled) = own;
+            let PictureJob { model, look, form, canvas } = job;
             let step = |frames| {
                 done.store(frames, Ordering::Relaxed);
                 context.request_repaint();

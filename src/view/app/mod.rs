@@ -244,12 +244,7 @@ impl Viewer {
             }
         }
         let mut answers = Vec::new();
-        self.dialogs.retain(|dialog| {
-            let answer = dialog.result();
-            let is_open = answer.is_none();
-            answers.extend(answer);
-            is_open
-        });
+        self.dialogs.retain(|dialog| dialog.is_open(&mut answers));
         for (purpose, choice) in answers {
             match choice {
                 Ok(places) => self.chosen(context, purpose, places),
@@ -284,28 +279,32 @@ impl Viewer {
         }
         let Some(place) = places.pop() else { return };
         let path = place.path().unwrap_or("".as_ref());
-        let result = match &purpose {
+        let result = match purpose {
             Purpose::OpenFile | Purpose::OpenFolder => Ok(()),
             Purpose::SavePicture(job) => {
-                self.savings.push(Saving::begin(path, job, context));
+                self.savings.push(Saving::begin(path, *job, context));
                 Ok(())
             }
             Purpose::LoadTransfer(number) => self
-                .document_of(*number)
+                .document_of(number)
                 .and_then(|document| transfer_at(&place).map(|transfer| document.set_transfer(&transfer))),
-            Purpose::SaveTransfer(number) => self.document_of(*number).and_then(|document| {
-                save_transfer(path, &document.transfer()?.to_json())?;
-                document.set_saved();
-                Ok(())
-            }),
+            Purpose::SaveTransfer(number) => self.save_transfer(number, path),
         };
-        match result {
-            Ok(()) if matches!(purpose, Purpose::SaveTransfer(_)) && !cfg!(target_arch = "wasm32") => {
-                self.say(format!("Saved {}", path.display()));
-            }
-            Ok(()) => {}
-            Err(fault) => self.fail(&fault),
+        if let Err(fault) = result {
+            self.fail(&fault);
         }
+    }
+
+    /// Saves the transfer function of a document.
+    fn save_transfer(&mut self, number: u64, path: &Path) -> Result<()> {
+        let document = self.document_of(number)?;
+        save_transfer(path, &document.transfer()?.to_json())?;
+        document.set_saved();
+        // A browser shows what it saves.
+        if !cfg!(target_arch = "wasm32") {
+            self.say(format!("Saved {}", path.display()));
+        }
+        Ok(())
     }
 
     /// Returns the document of a number.

@@ -124,11 +124,12 @@ fn a_turn_in_numbered_files_names_them_and_replaces_none() {
     let turn = picture(&driven, 3);
     std::fs::write(&path, "another picture").unwrap();
     assert!(!turn.replaces(&path), "no file of this name is written");
-    choose(&mut driven, turn.clone(), &path);
+    choose(&mut driven, turn, &path);
     wait(&mut driven, |viewer| viewer.savings.is_empty());
     let message = driven.state().message().unwrap();
     assert!(message.starts_with("Saved") && message.contains("turn-000.png to "), "{message}");
     assert!(message.ends_with("turn-002.png"), "{message}");
+    let turn = picture(&driven, 3);
     choose(&mut driven, turn, &path);
     wait(&mut driven, |viewer| viewer.savings.is_empty());
     let message = driven.state().message().unwrap();
