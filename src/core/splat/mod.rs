@@ -180,7 +180,7 @@ pub struct Settings {
     pub(crate) blocks: Blocks,
     /// Number of samples that are drawn at once where there are several a pixel.
     pub(crate) strip_samples: u32,
-    /// The low-pass of splats: the smallest standard deviation of a footprint, in samples.
+    /// The low-pass of splats: the smallest standard deviation of a footprint, in samples. The processor's renderer finds its own.
     pub(crate) low_pass: f32,
     /// The machine code that draws.
     pub code: Code,
