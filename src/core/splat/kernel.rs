@@ -216,8 +216,8 @@ fn covariance([x, y]: [[f32; 3]; 2], sigma: f32) -> Covariance {
     let (xx, xy, yy) = (square * dot(x, x), square * dot(x, y), square * dot(y, y));
     let determinant = square * square * dot(cross, cross);
     let trace = xx + yy;
-    // The eigenvalue as a quotient: in the usual form, a difference, digits would cancel.
-    let root = at_least(trace * trace - 4.0 * determinant, 0.0).sqrt();
+    // The eigenvalue as a quotient, and the root of a sum of squares: in the usual form, digits would cancel in needles and in circles.
+    let root = ((xx - yy) * (xx - yy) + 4.0 * xy * xy).sqrt();
     let smaller_eigenvalue = 2.0 * determinant / at_least(trace + root, f32::MIN_POSITIVE);
     Covariance { xx, xy, yy, determinant, smaller_eigenvalue }
 }
@@ -272,6 +272,20 @@ impl Footprint {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The root of the trace's square less four determinants had an error of 1e-4 of the width.
+    #[test]
+    fn the_width_of_a_round_footprint_is_right_to_seven_digits() {
+        for turn in 0..100 {
+            let turn = turn as f32;
+            let ((sin_a, cos_a), (sin_b, cos_b)) = ((0.7 * turn).sin_cos(), (1.3 * turn).sin_cos());
+            let scale = 0.3 + 0.01 * turn;
+            let right = [cos_a, sin_a, 0.0].map(|c| scale * c);
+            let up = [-sin_a * sin_b, cos_a * sin_b, cos_b].map(|c| scale * c);
+            let width = narrowest_sigma([right, up], 0.7) / (0.7 * scale);
+            assert!((width - 1.0).abs() < 5e-7, "{turn}: {width}");
+        }
+    }
 
     /// A voxel of depth d at distance r weighs d exp(-r^2 / (2 sigma^2)).
     #[test]

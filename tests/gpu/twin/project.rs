@@ -157,7 +157,7 @@ fn footprint(frame: &FrameUniform, x: [f32; 3], y: [f32; 3]) -> Footprint {
     let (mut xx, xy, mut yy) = (square * dot(x, x), square * dot(x, y), square * dot(y, y));
     let mut determinant = square * square * dot(crossed, crossed);
     let trace = xx + yy;
-    let root = (trace * trace - 4.0 * determinant).max(0.0).sqrt();
+    let root = ((xx - yy) * (xx - yy) + 4.0 * xy * xy).sqrt();
     let narrowest = 2.0 * determinant / (trace + root).max(f32::MIN_POSITIVE);
     let added = (frame.low_pass * frame.low_pass - narrowest).max(0.0);
     xx += added;

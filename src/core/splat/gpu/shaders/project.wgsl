@@ -124,7 +124,7 @@ fn footprint(x: vec3<f32>, y: vec3<f32>) -> Footprint {
     var yy = variance * dot(y, y);
     var determinant = variance * variance * dot(crossed, crossed);
     let trace = xx + yy;
-    let root = sqrt(max(trace * trace - 4.0 * determinant, 0.0));
+    let root = sqrt((xx - yy) * (xx - yy) + 4.0 * xy * xy);
     let narrowest = 2.0 * determinant / max(trace + root, TINY);
     let added = max(frame.low_pass * frame.low_pass - narrowest, 0.0);
     xx += added;
