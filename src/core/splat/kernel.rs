@@ -229,6 +229,11 @@ pub fn narrowest_sigma(rows: [[f32; 3]; 2], sigma: f32) -> f32 {
     covariance(rows, sigma).smaller_eigenvalue.sqrt()
 }
 
+/// Returns the area of a footprint out to three standard deviations before the low-pass, in square pixels.
+pub(crate) fn area(rows: [[f32; 3]; 2], sigma: f32) -> f32 {
+    9.0 * std::f32::consts::PI * covariance(rows, sigma).determinant.sqrt()
+}
+
 /// Returns the footprint of a kernel under the Jacobian `rows`, in pixels per voxel; finite for any finite Jacobian. `low_pass` is its
 /// smallest standard deviation along any direction, in pixels.
 #[inline(always)]

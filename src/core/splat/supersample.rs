@@ -18,9 +18,9 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec4};
 
-use super::cpu::project::widened;
+use super::cpu::project::{jacobian, widened};
 use super::frame::in_range;
-use super::kernel::{LOW_PASS, SPLAT_LOW_PASS, narrowest_sigma};
+use super::kernel::{LOW_PASS, SPLAT_LOW_PASS, area, narrowest_sigma};
 use super::view::{MAX_SIZE, PixelMap, View, apply, single};
 use super::{Camera, Frame, Mode, Sampling, Settings};
 use crate::error::Result;
@@ -37,8 +37,13 @@ const FEWEST: f32 = 0.5;
 /// Largest number of samples along a side of a pixel. Without it voxels of 1 x 1 x 1000 took as many samples as fit into
 /// memory, for errors below 60 dB.
 const MAX_FACTOR: u32 = 16;
+/// From which crowding on there may be fewer samples, in proportion. Without it a picture of 200 x 200 at 176 degrees took half a minute.
+const CROWDED: f64 = 4.0;
+/// Places along each axis of the drawn part that count for it, and their least distance from the eye's plane, in mean spacings.
+const CELLS: usize = 16;
+const LEAST_DEPTH: f64 = 0.5;
 /// Largest number of samples of a picture: 256 MiB if all are in memory at once.
-const MAX_SAMPLES: u64 = 1 << 24;
+const MAX_SAMPLES: f64 = 16_777_216.0;
 /// Number of samples of a strip, unless rows are too long for it: 16 MiB for its frame and bands.
 pub(super) const STRIP_SAMPLES: u32 = 1 << 19;
 /// The same where memory is short: pictures take longer, as each strip walks over all voxels.
@@ -165,7 +170,8 @@ impl Supersampling {
             let is_filtered = is_draft || factor % 2 == 1 || sigma(factor) >= NARROWEST;
             factor > 1 && f64::from(factor) * width >= wanted && is_filtered
         };
-        let pixels = u64::from(view.size[0]) * u64::from(view.size[1]);
+        let crowded = (crowding(view, bounds, settings) / CROWDED).max(1.0);
+        let pixels = crowded * f64::from(view.size[0]) * f64::from(view.size[1]);
         let of_factor = |factor: u32| {
             let sigma = sigma(factor).max(LEAST_SIGMA);
             let around = Filter::new(factor, sigma).before;
@@ -173,7 +179,7 @@ impl Supersampling {
         };
         let fits = |factor: u32| {
             factor <= MAX_FACTOR
-                && pixels * u64::from(factor).pow(2) <= MAX_SAMPLES
+                && pixels * f64::from(factor * factor) <= MAX_SAMPLES
                 && of_factor(factor).size().iter().all(|side| *side <= MAX_SIZE)
         };
         let mut factor = 1;
@@ -307,6 +313,32 @@ impl Filter {
     }
 }
 
+/// Returns how many times as large as at the centre footprints are in the mean of all places in the drawn part of `bounds`; 1 in a parallel
+/// view. In a wide perspective it is large, as voxels beside the eye cover much of the picture.
+fn crowding(view: &View, bounds: &VoxelBox, settings: &Settings) -> f64 {
+    let PixelMap::Perspective { camera_from_voxel, focal, .. } = &view.map else { return 1.0 };
+    let VoxelBox { low, high } = drawn(bounds, settings);
+    let steps = camera_from_voxel.each_ref().map(single);
+    let picture = f64::from(view.size[0]) * f64::from(view.size[1]);
+    let area = |[right, up, depth]: [f64; 3]| {
+        let nearness = 1.0 / depth.max(LEAST_DEPTH);
+        let [tan_x, tan_y] = [right, up].map(|aside| (aside * nearness) as f32);
+        let rows = jacobian(&steps, tan_x, tan_y, (focal * nearness) as f32);
+        f64::from(area(rows, settings.fine_kernel().sigma)).min(picture)
+    };
+    let at = |place: [f64; 3]| camera_from_voxel.each_ref().map(|map| apply(map, place));
+    let places = (0..CELLS.pow(3)).map(|cell| {
+        let cells = [cell % CELLS, cell / CELLS % CELLS, cell / (CELLS * CELLS)];
+        at([0, 1, 2].map(|a| {
+            let part = (cells[a] as f64 + 0.5) / CELLS as f64;
+            f64::from(low[a]) + part * f64::from(high[a] - low[a])
+        }))
+    });
+    let sum: f64 = places.filter(|[.., depth]| *depth > 0.0).map(area).sum();
+    let distance = DVec3::from_array(at(centre(bounds, settings))).length();
+    sum / CELLS.pow(3) as f64 / area([0.0, 0.0, distance])
+}
+
 /// Returns the standard deviation of a footprint across its narrowest direction, in pixels.
 ///
 /// In perspective it is that of a voxel at the centre of the drawn part of `bounds`, as if it were on the view axis.
@@ -318,12 +350,8 @@ pub(super) fn sigma_at_centre(view: &View, bounds: &VoxelBox, settings: &Setting
             narrowest_sigma(widened(pixel_from_voxel.each_ref().map(single), per_block), sigma)
         }
         PixelMap::Perspective { camera_from_voxel, focal, near, .. } => {
-            let VoxelBox { low, high } = settings.crop.unwrap_or(*bounds);
-            let centre = [0, 1, 2].map(|a| {
-                let (low, high) = (low[a].max(bounds.low[a]), high[a].min(bounds.high[a]));
-                (f64::from(low) + f64::from(high)) / 2.0
-            });
             let [right, up, forward] = camera_from_voxel;
+            let centre = centre(bounds, settings);
             let toward = DVec3::from_array(camera_from_voxel.each_ref().map(|map| apply(map, centre)));
             let distance = toward.length().max(*near);
             let (across, above) = toward.try_normalize().unwrap_or(DVec3::Z).any_orthonormal_pair();
@@ -335,9 +363,39 @@ pub(super) fn sigma_at_centre(view: &View, bounds: &VoxelBox, settings: &Setting
     }
 }
 
+/// Returns the part of `bounds` that is drawn.
+fn drawn(bounds: &VoxelBox, settings: &Settings) -> VoxelBox {
+    let crop = settings.crop.unwrap_or(*bounds);
+    let both = |low: u16, high: u16| [low.min(high), high];
+    let [x, y, z] = [0, 1, 2].map(|a| both(crop.low[a].max(bounds.low[a]), crop.high[a].min(bounds.high[a])));
+    VoxelBox { low: [x[0], y[0], z[0]], high: [x[1], y[1], z[1]] }
+}
+
+/// Returns the middle of that part.
+fn centre(bounds: &VoxelBox, settings: &Settings) -> [f64; 3] {
+    let VoxelBox { low, high } = drawn(bounds, settings);
+    [0, 1, 2].map(|a| (f64::from(low[a]) + f64::from(high[a])) / 2.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::splat::{Projection, Quality};
+
+    /// They had 16 a side, and took half a minute: the nearest voxels cover much of the picture.
+    #[test]
+    fn very_wide_perspectives_have_no_more_samples_than_they_can_draw() {
+        let (grid, size) = (Grid::new([256, 256, 128], [1.0; 3]).unwrap(), [200; 2]);
+        let all = VoxelBox { low: [0; 3], high: [255, 255, 127] };
+        let factor = |fov: f64| {
+            let projection = Projection::Perspective { fov };
+            let camera = Camera::new([128.0, -8.0, 64.0], [128.0, 128.0, 64.0], [0.0, 0.0, 1.0], projection).unwrap();
+            let settings = Settings::new(size).with_quality(Quality::High);
+            Supersampling::of(&grid, Some(all), &camera, &settings).unwrap().0.map_or(1, |finer| finer.factor)
+        };
+        // As many as voxels in the middle need up to 140 degrees.
+        assert_eq!([60.0, 140.0, 176.0, 179.0].map(factor), [1, 4, 7, 7]);
+    }
 
     #[test]
     fn strips_are_the_whole_picture_bit_for_bit() {

@@ -437,7 +437,7 @@ pub(super) fn limited(depth: f32, strength: f32) -> f32 {
 ///
 /// `steps`: how far the next voxel on each axis lies to the right, up and forward; `scale`: pixels per mean spacing.
 #[inline(always)]
-pub(super) fn jacobian(steps: &[[f32; 3]; 3], tan_x: f32, tan_y: f32, scale: f32) -> [[f32; 3]; 2] {
+pub(in super::super) fn jacobian(steps: &[[f32; 3]; 3], tan_x: f32, tan_y: f32, scale: f32) -> [[f32; 3]; 2] {
     let [right, up, forward] = steps;
     let mut rows = [[0.0; 3]; 2];
     for a in 0..3 {
