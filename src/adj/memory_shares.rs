@@ -14,7 +14,7 @@ use adjsplat::arena::layout::{Facts, LevelLimits};
 use adjsplat::arena::{Arena, Lane, LaneSet};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::{IN_FLIGHT, PIXEL_BYTES, RAY_BYTES, level_settings, stored_transfer};
+use adjsplat::internals::{IN_FLIGHT, LevelPart, PIXEL_BYTES, RAY_BYTES, level_settings, stored_transfer};
 use adjsplat::splat::cpu;
 use adjsplat::splat::cpu::Canvas;
 use adjsplat::splat::{Blending, Camera, Lanes, Projection, Settings, View};
@@ -46,7 +46,7 @@ pub(super) struct MemoryShares {
 
 impl MemoryShares {
     /// Divides `memory` bytes for pictures with `settings`; if `is_chosen`, for all settings that the dial tries, which
-    /// holds one picture more.
+    /// holds one picture more. `views`: each camera, and the parts of levels that it draws.
     ///
     /// # Errors
     /// [`Error::Input`] if not even one thread fits; it says how much memory is enough.
@@ -57,23 +57,25 @@ impl MemoryShares {
         is_chosen: bool,
         kind: PictureKind,
         depth: SampleDepth,
-        cameras: &[Camera],
+        views: &[(Camera, Vec<LevelPart>)],
     ) -> Result<MemoryShares> {
-        let frames = u32::try_from(cameras.len()).expect("frames are counted in 32 bits");
-        let drawn = drawn(arena, settings.level);
+        let frames = u32::try_from(views.len()).expect("frames are counted in 32 bits");
+        let draws = |parts: &[LevelPart], level: usize| parts.iter().any(|part| part.level == level);
+        let is_drawn = |(level, _): &(usize, Arena)| views.iter().any(|(_, parts)| draws(parts, *level));
+        let drawn: Vec<_> = levels(arena).filter(is_drawn).collect();
         let mut samplings =
             if is_chosen { RUNGS.map(|rung| rung.sampling).to_vec() } else { vec![settings.sampling()] };
         samplings.dedup();
         // Each way to draw, with the grid points and the tiles of what is drawn.
         let mut canvases = Vec::new();
-        for (_, level) in &drawn {
+        for (number, level) in &drawn {
             let grid = &level.facts().grid;
             let tiles = level.lanes().map(|lane| lane.tiles.len() as u64).max().unwrap_or(0);
             canvases.push((Canvas::Picture, grid.dims, tiles));
             let Some((low, high)) = level.lanes().next().and_then(|lane| lane.bounds()) else { continue };
             for &sampling in &samplings {
                 let settings = level_settings(settings, &arena.facts().grid, grid).with_sampling(sampling);
-                for camera in cameras {
+                for (camera, _) in views.iter().filter(|(_, parts)| draws(parts, *number)) {
                     let canvas = cpu::canvas(grid, &VoxelBox { low, high }, camera, &settings)?;
                     canvases.push((canvas, grid.dims, tiles));
                 }
@@ -82,8 +84,9 @@ impl MemoryShares {
         let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
         // A picture of coarser levels is put together from parts, with four bytes a pixel for what those in front hide. A perspective
         // may have several levels, each drawn in bands of finer samples.
-        let is_perspective = cameras.iter().any(|camera| matches!(camera.projection(), Projection::Perspective { .. }));
-        let is_mixed = settings.level.is_none() && is_perspective;
+        let is_perspective =
+            views.iter().any(|(camera, _)| matches!(camera.projection(), Projection::Perspective { .. }));
+        let is_mixed = views.iter().any(|(_, parts)| parts.len() > 1);
         let parts = match drawn.iter().any(|(level, _)| *level > 0) {
             true if is_mixed => pixels.max(cpu::MIXED_SAMPLES) * (3 * PIXEL_BYTES + RAY_BYTES + 4),
             true => pixels * (PIXEL_BYTES + 4),
@@ -111,7 +114,9 @@ impl MemoryShares {
             let frames = if frames > 1 { format!(", {frames} frames") } else { String::new() };
             let instead = match () {
                 () if settings.blending == Blending::Sheets => ", a smaller --size, or --blending exponential",
-                () if need_of(1, &pictures) < need(1) => ", a smaller --size, or --sampling every",
+                () if need_of(1, &pictures).saturating_add(LEAST_RESIDENT) <= memory => {
+                    ", a smaller --size, or --sampling every"
+                }
                 () => ", or a smaller --size",
             };
             let why = format!(
@@ -144,11 +149,10 @@ impl MemoryShares {
     }
 }
 
-/// Returns the levels of a file that a picture may need: `level`, or all.
-fn drawn<'a>(arena: &Arena<'a>, level: Option<usize>) -> Vec<(usize, Arena<'a>)> {
+/// Returns all levels of a file.
+fn levels<'a>(arena: &Arena<'a>) -> impl Iterator<Item = (usize, Arena<'a>)> {
     let coarser = (1..=arena.level_count()).filter_map(|number| Some((usize::from(number), arena.level(number)?)));
-    let all = std::iter::once((0, arena.clone())).chain(coarser);
-    all.filter(|(number, _)| level.is_none_or(|level| level == *number)).collect()
+    std::iter::once((0, arena.clone())).chain(coarser)
 }
 
 /// Returns how many bytes of `memory` the file's pages may take while one thread only reads the file.
@@ -172,7 +176,7 @@ impl<'a> BoundedLanes<'a> {
     /// Wraps `arena`, whose derived lanes may take `derived` bytes in all: no more than [`MemoryShares`] says, or without
     /// limit.
     pub(super) fn new(arena: Arena<'a>, memory: Option<u64>, derived: Option<u64>) -> BoundedLanes<'a> {
-        let arenas: Vec<Arena> = drawn(&arena, None).into_iter().map(|(_, arena)| arena).collect();
+        let arenas: Vec<Arena> = levels(&arena).map(|(_, arena)| arena).collect();
         let level_facts = arenas[1..].iter().map(|level| level.facts().clone()).collect();
         let (build_function, level_limits) = (stored_transfer(&arena), arena.level_limits().to_vec());
         let lanes = arenas.into_iter().map(|arena| LaneSet::new(arena, derived)).collect();

@@ -34,7 +34,7 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput, arena_bytes, open_rows, scratch_folder};
-use adjsplat::internals::{description, drawable};
+use adjsplat::internals::{description, drawable, level_parts};
 use adjsplat::limits::Limits;
 use adjsplat::splat::{Camera, Outline, Scene, Settings};
 use adjsplat::traverse::VoxelBox;
@@ -232,7 +232,7 @@ impl RenderJob<'_> {
         let Some(memory) = self.memory else {
             return draw(self, settings, &cameras, BoundedLanes::new(file.arena()?, None, None), transfer);
         };
-        let shares = self.shares(memory, &file.arena()?, &mut settings, &cameras)?;
+        let shares = self.shares(memory, &file.arena()?, &mut settings, &cameras, transfer.as_ref())?;
         settings.threads = shares.threads;
         let file = file.keep_resident_below(shares.resident)?;
         draw(self, settings, &cameras, BoundedLanes::new(file.arena()?, self.memory, Some(shares.derived)), transfer)
@@ -240,11 +240,29 @@ impl RenderJob<'_> {
 
     /// Divides `memory`. With `--fit`, where the picture does not fit, it does so for the finest level that fits, which it
     /// sets in `settings` and names.
-    fn shares(&self, memory: u64, arena: &Arena, settings: &mut Settings, cameras: &[Camera]) -> Result<MemoryShares> {
+    fn shares(
+        &self,
+        memory: u64,
+        arena: &Arena,
+        settings: &mut Settings,
+        cameras: &[Camera],
+        transfer: Option<&TransferFunction>,
+    ) -> Result<MemoryShares> {
         let depth = self.arguments.look.bits;
         let is_chosen = self.arguments.look.max_error.is_some();
-        let divide =
-            |settings: &Settings| MemoryShares::divide(memory, arena, settings, is_chosen, self.kind, depth, cameras);
+        let transfer = match transfer {
+            Some(given) => drawable(arena, given.clone())?,
+            None => stored_transfer(arena, self.input.path())?,
+        };
+        let lanes = BoundedLanes::new(arena.clone(), None, None);
+        let scene = Scene { facts: arena.facts(), lanes: &lanes, transfer: &transfer };
+        let divide = |settings: &Settings| {
+            // The dial tries the voxels only.
+            let settings = &if is_chosen { settings.clone().with_level(0) } else { settings.clone() };
+            let with_parts = |camera: &Camera| Ok((*camera, level_parts(&scene, camera, settings)?));
+            let views = cameras.iter().map(with_parts).collect::<Result<Vec<_>>>()?;
+            MemoryShares::divide(memory, arena, settings, is_chosen, self.kind, depth, &views)
+        };
         let fits = |shares: &Result<MemoryShares>| match shares {
             Ok(shares) => shares.has_lanes(arena, settings, cameras),
             Err(_) => Ok(false),

@@ -131,6 +131,17 @@ fn a_picture_that_does_not_fit_into_the_memory_is_drawn_from_a_level_that_does()
     folder.adj("render a.adj -o p.png --fit --memory 64MiB --max-error 0.1").refused(&["--fit", "--max-error"]);
 }
 
+/// What parts of several levels take was asked for, though one level was drawn.
+#[test]
+fn levels_in_a_file_make_no_picture_need_more_memory() {
+    let folder = Folder::new();
+    folder.adj("build phantom:gyroid --dims 96x96x96 --range 100.. --levels 2 -o a.adj").done();
+    for view in ["--size 800x800", "--size 600x600 --perspective 30 --quality high", "--size 200x200 --perspective 60"]
+    {
+        folder.adj(&format!("render a.adj -o p.png {view} --memory 64MiB --renderer cpu")).done();
+    }
+}
+
 #[test]
 fn bricks_are_built_with_levels_and_drawn_from_them() {
     let folder = Folder::new();
