@@ -121,7 +121,13 @@ def _computed(dask: Any, tasks: list[Any], retries: int) -> list[Any]:
         client = get_client()
     except (ImportError, ValueError):
         return list(dask.compute(*tasks))
-    return list(client.gather(client.compute(tasks, retries=retries)))
+    futures = client.compute(tasks, retries=retries)
+    try:
+        return list(client.gather(futures))
+    except BaseException:
+        # The cluster would go on with the other tasks, and try failed ones again.
+        client.cancel(futures)
+        raise
 
 
 def _scan(plan: str, index: int, samples: Any) -> str:
