@@ -134,12 +134,7 @@ pub fn classify(
     let chosen = choose_codes(&encoder, options.value_bits, whole, |encoder| spill.loss(encoder, threads).map(Some))?;
     let (encoder, loss) = chosen.expect("nothing is left open");
     let rows = ClassifiedRows { spill, encoder };
-    let samples = SampleSummary {
-        blurred_away: loss.blurred_away,
-        rounding: loss.rounding,
-        rounded_labels: loss.rounded_labels,
-        ..samples
-    };
+    let samples = samples.with_loss(&rows.encoder, &loss, rows.spill.voxels);
     let facts = Facts {
         grid: header.grid,
         channels: rows.encoder.channels,

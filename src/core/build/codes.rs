@@ -15,14 +15,15 @@ use crate::volume::Sample;
 use crate::with_sample_type;
 
 /// What the codes of values lose.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct CodeLoss {
     /// Number of noticeable voxels (opacity from 0.02) whose code has a transparent value.
     pub(crate) blurred_away: u64,
     /// The most by which a voxel's value is rounded.
     pub(crate) rounding: f64,
-    /// Number of different values, if they are rounded whole numbers and so few that they may be labels.
-    pub(crate) rounded_labels: Option<u32>,
+    /// The different samples, if they are of integers: few may be labels. Findings of older versions do not have them.
+    #[serde(default = "FewValues::many")]
+    pub(crate) samples: FewValues,
 }
 
 impl CodeLoss {
@@ -30,7 +31,7 @@ impl CodeLoss {
     pub(crate) fn join(&mut self, other: &CodeLoss) {
         self.blurred_away = self.blurred_away.saturating_add(other.blurred_away);
         self.rounding = self.rounding.max(other.rounding);
-        self.rounded_labels = self.rounded_labels.max(other.rounded_labels);
+        self.samples.join(&other.samples);
     }
 }
 
@@ -70,29 +71,27 @@ pub(crate) fn choose_codes(
 impl SpilledVoxels {
     /// Returns what the codes of `encoder` lose.
     pub(crate) fn loss(&self, encoder: &VoxelEncoder, threads: usize) -> Result<CodeLoss> {
-        let (mut all, mut all_values) = (CodeLoss::default(), FewValues::default());
+        let mut all = CodeLoss::default();
         let of_slice = |(): &mut (), z: usize| {
-            let (mut loss, mut values) = (CodeLoss::default(), FewValues::default());
+            let mut loss = CodeLoss::default();
             self.each_sample(z, |row, index| {
                 let magnitude = row.magnitude(index).map_or(0, |magnitude| encoder.magnitude_code(magnitude));
                 with_sample_type!(self.sample_type, T => {
                     let sample = row.sample::<T>(index);
                     loss.blurred_away += u64::from(encoder.blurs_away(sample, magnitude));
                     loss.rounding = loss.rounding.max(encoder.rounding(sample));
-                    values.add(sample.to_f64());
+                    if T::TYPE.integer_range().is_some() {
+                        loss.samples.add(sample.to_f64());
+                    }
                 });
             })?;
-            Ok((loss, values))
+            Ok(loss)
         };
-        let add = |_, (loss, values): (CodeLoss, FewValues)| {
-            all_values.join(values);
+        let add = |_, loss: CodeLoss| {
             all.join(&loss);
             Ok(())
         };
         in_order(self.dims[2] as usize, threads, || (), of_slice, add)?;
-        if self.sample_type.integer_range().is_some() {
-            all.rounded_labels = encoder.rounded_labels(&all_values, self.voxels);
-        }
         Ok(all)
     }
 

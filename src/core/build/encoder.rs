@@ -121,15 +121,15 @@ impl VoxelEncoder {
         opacity(self.value(sample)) >= NOTICEABLE_OPACITY && opacity(self.quantiser.decode(self.code(sample))) == 0.0
     }
 
-    /// Returns how many whole-number `values` the `voxels` visible voxels have, if they may be labels and are rounded.
-    pub(super) fn rounded_labels(&self, values: &FewValues, voxels: u64) -> Option<u32> {
+    /// Returns how many whole-number `samples` the `voxels` visible voxels have, if they may be labels and are rounded.
+    pub(super) fn rounded_labels(&self, samples: &FewValues, voxels: u64) -> Option<u32> {
         /// Fewest voxels of a label, on average.
         const VOXELS: u64 = 8;
         // Even codes may meet values, but for rounding.
         let is_rounded = |&value: &f64| {
             (self.quantiser.decode(self.quantiser.encode(value)) - value).abs() > self.slope.abs() / 128.0
         };
-        let values = values.all()?.iter().map(|sample| sample * self.slope + self.intercept);
+        let values = samples.all()?.iter().map(|sample| sample * self.slope + self.intercept);
         let count = values.len() as u64;
         let found = voxels >= VOXELS * count && values.into_iter().any(|value| is_rounded(&value));
         found.then(|| u32::try_from(count).expect("they are few"))

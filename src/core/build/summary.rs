@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::codes::CodeLoss;
+use super::encoder::VoxelEncoder;
 use crate::volume::{Header, Sample};
 
 /// Statistics of the samples that a build has read.
@@ -63,27 +65,36 @@ impl UnnamedLabels {
 const MOST_LABELS: usize = 256;
 
 /// The different values of samples, as long as they are few.
-#[derive(Debug, Default)]
-pub(super) struct FewValues {
-    /// In ascending order.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub(crate) struct FewValues {
+    /// In ascending order; empty if they are many.
     values: Vec<f64>,
-    /// Whether there are more values than counted.
     are_many: bool,
 }
 
 impl FewValues {
+    /// Returns values that are too many to be kept.
+    pub(super) fn many() -> FewValues {
+        FewValues { values: Vec::new(), are_many: true }
+    }
+
     pub(super) fn add(&mut self, value: f64) {
         if self.are_many {
             return;
         }
         if let Err(place) = self.values.binary_search_by(|known| known.total_cmp(&value)) {
             self.values.insert(place, value);
-            self.are_many = self.values.len() > MOST_LABELS;
+            if self.values.len() > MOST_LABELS {
+                *self = FewValues::many();
+            }
         }
     }
 
-    pub(super) fn join(&mut self, other: FewValues) {
-        other.values.into_iter().for_each(|value| self.add(value));
+    pub(super) fn join(&mut self, other: &FewValues) {
+        if other.are_many {
+            *self = FewValues::many();
+        }
+        other.values.iter().for_each(|&value| self.add(value));
     }
 
     /// Returns all values in ascending order; `None` if they are many.
@@ -108,6 +119,16 @@ impl Default for SampleSummary {
 }
 
 impl SampleSummary {
+    /// Adds what the codes of `encoder` lose in the `voxels` visible voxels.
+    pub(crate) fn with_loss(self, encoder: &VoxelEncoder, loss: &CodeLoss, voxels: u64) -> SampleSummary {
+        SampleSummary {
+            blurred_away: loss.blurred_away,
+            rounding: loss.rounding,
+            rounded_labels: encoder.rounded_labels(&loss.samples, voxels),
+            ..self
+        }
+    }
+
     pub(crate) fn join(&mut self, other: &SampleSummary) {
         self.lowest = self.lowest.min(other.lowest);
         self.highest = self.highest.max(other.highest);
@@ -189,5 +210,23 @@ mod tests {
         assert_eq!(values.all().map(<[f64]>::len), Some(256));
         values.add(0.5);
         assert_eq!(values.all(), None);
+    }
+
+    #[test]
+    fn values_of_bricks_are_few_only_if_their_union_is() {
+        let brick = |from: u32, count: u32| {
+            let mut values = FewValues::default();
+            (from..from + count).for_each(|i| values.add(f64::from(i)));
+            values
+        };
+        let count = |bricks: &[FewValues]| {
+            let mut all = FewValues::default();
+            bricks.iter().for_each(|brick| all.join(brick));
+            all.all().map(<[f64]>::len)
+        };
+        assert_eq!(count(&[brick(0, 100), brick(50, 100), brick(0, 3)]), Some(150));
+        assert_eq!(count(&[brick(0, 200), brick(100, 200)]), None);
+        assert_eq!(count(&[brick(0, 239), brick(0, 300)]), None);
+        assert_eq!(count(&[brick(0, 300), brick(0, 239)]), None);
     }
 }

@@ -9,6 +9,7 @@
 //! [`split`] makes a collection from a file.
 
 mod bricks;
+mod found;
 mod joined;
 mod levels;
 mod manifest;

@@ -17,6 +17,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
+use super::found::{Found, SampleFindings};
 use super::joined::RowsWithin;
 use super::levels::{Level, held, levels_of, rows_of, with_margin};
 use super::manifest::{Manifest, brick_description};
@@ -31,8 +32,7 @@ use crate::build::classified::ClassifiedRows;
 use crate::build::codes::{CodeLoss, choose_codes};
 use crate::build::description::{Source, describe};
 use crate::build::encoder::{VoxelEncoder, nothing_visible};
-use crate::build::{BuildOptions, Observer, Resources, SampleSummary, UnnamedLabels};
-use crate::classify::WholeNumbers;
+use crate::build::{BuildOptions, Observer, Resources, SampleSummary};
 use crate::error::{Error, Result};
 use crate::file::{AdjFile, GivenLevels, RowsOutput, levels_in_files};
 use crate::volume::{Grid, Header, SampleType, SlabSource};
@@ -68,77 +68,11 @@ pub struct Findings {
     found: Found,
 }
 
-/// What scans of a volume, or of its bricks, have found.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-struct Found {
-    /// The largest gradient magnitude, where visibility depends on it.
-    largest_magnitude: Option<f64>,
-    samples: Option<SampleFindings>,
-    /// What codes of 8 and of 16 bits lose; `None` where that was not asked for.
-    losses: [Option<CodeLoss>; 2],
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-struct SampleFindings {
-    /// The lowest and the highest finite value; `None` if there is none.
-    range: Option<[f64; 2]>,
-    not_finite: u64,
-    unnamed: UnnamedLabels,
-    visible_voxels: u64,
-    /// The whole numbers that the visible samples are; `None` if one is not whole.
-    whole: Option<WholeNumbers>,
-}
-
-impl SampleFindings {
-    fn join(&mut self, other: &SampleFindings) {
-        let mut summary = self.summary();
-        summary.join(&other.summary());
-        self.whole = match (self.visible_voxels, other.visible_voxels) {
-            (0, _) => other.whole,
-            (_, 0) => self.whole,
-            _ => self.whole.zip(other.whole).map(|(one, other)| one.and(other)),
-        };
-        self.range = (summary.lowest <= summary.highest).then_some([summary.lowest, summary.highest]);
-        self.not_finite = summary.not_finite;
-        self.unnamed = summary.unnamed;
-        self.visible_voxels = self.visible_voxels.saturating_add(other.visible_voxels);
-    }
-
-    fn summary(&self) -> SampleSummary {
-        let [lowest, highest] = self.range.unwrap_or([f64::INFINITY, f64::NEG_INFINITY]);
-        SampleSummary {
-            lowest,
-            highest,
-            not_finite: self.not_finite,
-            unnamed: self.unnamed,
-            ..SampleSummary::default()
-        }
-    }
-}
-
-impl Found {
-    fn join(&mut self, other: &Found) {
-        join_option(&mut self.largest_magnitude, other.largest_magnitude, |one, other| *one = one.max(*other));
-        join_option(&mut self.samples, other.samples, SampleFindings::join);
-        for (loss, other) in self.losses.iter_mut().zip(other.losses) {
-            join_option(loss, other, CodeLoss::join);
-        }
-    }
-}
-
 /// Counts the voxels of rows.
 fn count(rows: &dyn Rows) -> Result<u64> {
     let mut voxels = 0;
     rows.read(Region::of_grid(rows.dims()), &mut |_, _, found| voxels += found.len() as u64)?;
     Ok(voxels)
-}
-
-fn join_option<T>(one: &mut Option<T>, other: Option<T>, join: impl Fn(&mut T, &T)) {
-    match (one.as_mut(), other) {
-        (Some(one), Some(other)) => join(one, &other),
-        (None, other) => *one = other,
-        (Some(_), None) => {}
-    }
 }
 
 /// What the next scan looks for.
@@ -293,7 +227,8 @@ impl Plan {
         if samples.visible_voxels == 0 {
             return Err(nothing_visible(&samples.summary()));
         }
-        let loss = |encoder: &VoxelEncoder| Ok(self.found.losses[usize::from(encoder.channels.value_bits == 16)]);
+        let loss =
+            |encoder: &VoxelEncoder| Ok(self.found.losses[usize::from(encoder.channels.value_bits == 16)].clone());
         choose_codes(&|bits| self.encoder(bits, &samples), self.options.value_bits, || Ok(Some(samples.whole)), loss)
     }
 
@@ -563,24 +498,32 @@ impl Plan {
         choice(self.preview, voxels, &self.levels(), voxels_of)
     }
 
+    /// Returns the options that all bricks are built with.
+    pub fn options(&self) -> &BuildOptions {
+        &self.options
+    }
+
+    /// Returns the number of bits that values are stored in.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the plan is not agreed.
+    pub fn value_bits(&self) -> Result<u8> {
+        Ok(self.agreed()?.0.channels.value_bits)
+    }
+
     /// Returns the statistics of all samples, for warnings.
     ///
     /// # Errors
     /// [`Error::Input`] if the plan is not agreed.
     pub fn samples(&self) -> Result<SampleSummary> {
-        let (_, loss) = self.agreed()?;
-        Ok(self.summary(&loss))
+        let (encoder, loss) = self.agreed()?;
+        Ok(self.summary(&encoder, &loss))
     }
 
-    fn summary(&self, loss: &CodeLoss) -> SampleSummary {
+    fn summary(&self, encoder: &VoxelEncoder, loss: &CodeLoss) -> SampleSummary {
         let samples = self.found.samples.expect("an agreed plan has them");
-        SampleSummary {
-            surveyed: self.options.needs_survey(),
-            blurred_away: loss.blurred_away,
-            rounding: loss.rounding,
-            rounded_labels: loss.rounded_labels,
-            ..samples.summary()
-        }
+        let summary = SampleSummary { surveyed: self.options.needs_survey(), ..samples.summary() };
+        summary.with_loss(encoder, loss, samples.visible_voxels)
     }
 
     fn agreed(&self) -> Result<(VoxelEncoder, CodeLoss)> {
@@ -601,7 +544,7 @@ impl Plan {
     fn description(&self, encoder: &VoxelEncoder, loss: &CodeLoss) -> Result<String> {
         let (name, format, unit) = (&*self.name, &*self.format, self.grid.unit.as_deref());
         let source = Source { name, format, sample_type: self.sample_type, unit };
-        describe(&source, &encoder.transfer, &self.summary(loss))
+        describe(&source, &encoder.transfer, &self.summary(encoder, loss))
     }
 
     /// Checks that `source` has the samples of brick `index`; returns its header, and the brick's box counted from its
