@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 
-use super::build::PackingArguments;
+use super::build::{PackingArguments, say_rounding, warn_of_samples};
 use super::classification::ClassificationArguments;
 use super::input::{Input, InputArguments};
 use super::progress::{Progress, interrupted};
 use super::resources::ResourceArguments;
 use super::split::CutArguments;
 use super::values::levels;
-use super::{Answer, check_output, print_note, print_result};
+use super::{Answer, check_output, print_result};
 use adjsplat::arena::Levels;
 use adjsplat::build::Resources;
 use adjsplat::collection::{Findings, Partition, Plan};
@@ -157,7 +157,10 @@ fn plan(arguments: &PlanArguments) -> Result<Answer> {
     let input = Input::find(&arguments.input)?;
     let source = arguments.reading.open(&input)?;
     let Some(transfer) = arguments.classification.transfer(input.path())? else {
-        return Err(Error::input("--range, --tf or --labels", "must say what is visible; all bricks need the same"));
+        return Err(Error::input(
+            "--range, --iso, --tf, --levoy or --labels",
+            "must say what is visible; all bricks need the same",
+        ));
     };
     let texts = arguments.classification.files();
     check_output("--output", &arguments.output, input.all_files(&source).chain(texts))?;
@@ -203,10 +206,9 @@ fn agree(arguments: &AgreeArguments) -> Result<Answer> {
     if !is_agreed {
         return Ok(Answer::No);
     }
-    let summary = plan.samples()?;
-    if summary.not_finite > 0 {
-        print_note(&format!("warning: {} samples are NaN or infinite; they are transparent", summary.not_finite));
-    }
+    let (samples, value_bits) = (plan.samples()?, plan.value_bits()?);
+    warn_of_samples(plan.options(), value_bits, &samples);
+    say_rounding(value_bits, samples.rounding);
     Ok(Answer::Yes)
 }
 

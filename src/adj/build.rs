@@ -244,25 +244,31 @@ pub(super) fn classify_with_warnings(
         print_note("reading the samples twice, as what is visible depends on their largest gradient");
     }
     let built = classify(source, options, resources, &mut Progress::new(quiet))?;
-    if built.samples.blurred_away > 0 {
-        let count = built.samples.blurred_away;
+    warn_of_samples(options, built.facts.channels.value_bits, &built.samples);
+    Ok(built)
+}
+
+/// Warns of what is wrong with the samples, and of what their codes of `value_bits` lose.
+pub(super) fn warn_of_samples(options: &BuildOptions, value_bits: u8, samples: &SampleSummary) {
+    if samples.blurred_away > 0 {
+        let count = samples.blurred_away;
         let better =
             if options.value_bits == Some(8) { "use --value-bits 16" } else { "narrow the range of what is visible" };
         print_note(&format!(
             "warning: {count} visible voxels turn transparent, as their values share codes with transparent ones; {better}"
         ));
     }
-    let SampleSummary { lowest, highest, rounding, .. } = built.samples;
+    let SampleSummary { lowest, highest, rounding, .. } = *samples;
     // If codes were spread over the samples alone, values would be rounded by at most half of this.
-    let codes = 2.0f64.powi(built.facts.channels.value_bits.into());
+    let codes = 2.0f64.powi(value_bits.into());
     if rounding > (highest - lowest) / (codes - 1.0) {
         print_note(&format!(
             "warning: the range of what is visible reaches far beyond the samples, which run from {lowest} to {highest}, so values \
              are stored coarsely; end it there, or leave that end open"
         ));
     }
-    if built.samples.unnamed.voxels > 0 {
-        let unnamed = built.samples.unnamed;
+    if samples.unnamed.voxels > 0 {
+        let unnamed = samples.unnamed;
         let mut labels: Vec<String> = unnamed.lowest.iter().flatten().map(i64::to_string).collect();
         if labels.len() == unnamed.lowest.len() {
             *labels.last_mut().expect("one at least") = "...".into();
@@ -273,23 +279,21 @@ pub(super) fn classify_with_warnings(
             labels.join(", "),
         ));
     }
-    if let Some(count) = built.samples.rounded_labels {
-        let exact =
-            if built.facts.channels.value_bits == 8 { ", or store all exactly with --value-bits 16" } else { "" };
+    if let Some(count) = samples.rounded_labels {
+        let exact = if value_bits == 8 { ", or store all exactly with --value-bits 16" } else { "" };
         print_note(&format!(
             "warning: the visible samples have only {count} different values, which are stored rounded; if they are labels, take --labels{exact}"
         ));
     }
-    if options.value_bits.is_none() && built.facts.channels.value_bits == 16 {
-        let cause = if built.transfer.is_labels() { "do not hold all labels" } else { "would hide visible voxels" };
+    if options.value_bits.is_none() && value_bits == 16 {
+        let cause = if options.transfer.is_labels() { "do not hold all labels" } else { "would hide visible voxels" };
         print_note(&format!("note: values are stored in 16 bits, as 8 bits {cause}"));
     }
-    match built.samples.not_finite {
+    match samples.not_finite {
         0 => {}
         1 => print_note("warning: 1 sample is NaN or infinite; it is transparent"),
         count => print_note(&format!("warning: {count} samples are NaN or infinite; they are transparent")),
     }
-    Ok(built)
 }
 
 /// Checks, before any work, that the output can be written and would replace nothing but an old .adj file; none of the `others`.

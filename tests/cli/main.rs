@@ -1,6 +1,7 @@
 //! The program, through its own binary: exit codes, what it prints where, and what it leaves behind.
 
 mod arenas;
+mod brick;
 mod budgets;
 mod cache;
 mod collection;
