@@ -17,7 +17,10 @@ TURNED = np.array([-1.0, -1.0, 1.0])
 
 def to_dask(model: Voxels, chunks: Any) -> Any:
     array = needed("dask.array", "to_dask")
-    return array.from_array(model, chunks=chunks, lock=False, asarray=False)
+    try:
+        return array.from_array(model, chunks=chunks, lock=False, asarray=False)
+    except ArithmeticError:
+        raise ValueError(f"chunks are {chunks!r}, but must have at least 1 point along z, y and x") from None
 
 
 def to_xarray(model: Voxels, chunks: Any) -> Any:

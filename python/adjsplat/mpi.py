@@ -170,18 +170,27 @@ def _together(comm: Any, step: Callable[..., Any], *arguments: Any) -> Any:
 
 def _range(text: str) -> tuple[float | None, float | None]:
     low, dots, high = text.partition("..")
-    if not dots:
-        raise ValueError
-    return (float(low) if low else None, float(high) if high else None)
+    try:
+        if dots:
+            return (float(low) if low else None, float(high) if high else None)
+    except ValueError:
+        pass
+    raise argparse.ArgumentTypeError(f"{text!r} is no range; an example: 300..3000, 300.. or ..3000")
 
 
 def _levels(text: str) -> int | str:
-    return text if text == "auto" else int(text)
+    try:
+        return text if text == "auto" else int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of levels; an example: 3, or auto") from None
 
 
 def _size(text: str) -> tuple[int, int]:
-    columns, rows = text.split("x")
-    return int(columns), int(rows)
+    try:
+        columns, rows = text.split("x")
+        return int(columns), int(rows)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no size in pixels; an example: 800x600") from None
 
 
 def _parser() -> argparse.ArgumentParser:

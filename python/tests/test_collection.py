@@ -3,6 +3,7 @@
 import os
 import pathlib
 import pickle
+import time
 
 import numpy as np
 import pytest
@@ -373,6 +374,34 @@ def test_the_dashboard_shows_the_steps(tmp_path):
         adj.dask.render(bricks, (20, 20))
         names = [distributed.utils.key_split(task["key"]) for task in client.get_task_stream(count=1000)]
     assert [names.count(step) for step in ("scan", "build", "draw_brick", "put_together")] == [4, 4, 4, 3]
+
+
+class Failing:
+    """A volume whose first slab cannot be read, and whose others take long."""
+
+    shape, dtype = (40, 24, 28), np.dtype("u1")
+
+    def __getitem__(self, key):
+        if key[0].start == 0:
+            raise ValueError("the disk is gone")
+        time.sleep(0.3)
+        return np.full([len(range(*part.indices(n))) for part, n in zip(key, self.shape)], 200, np.uint8)
+
+
+def test_a_build_that_fails_leaves_no_tasks_on_the_cluster(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
+        distributed.Client(cluster),
+    ):
+        with pytest.raises(ValueError, match="the disk is gone"):
+            adj.dask.build(Failing(), tmp_path / "a.adjs", slab=1, visible=(60, None))
+        # The client tells the scheduler in the background.
+        for _ in range(40):
+            if not cluster.scheduler.tasks:
+                break
+            time.sleep(0.05)
+        assert not cluster.scheduler.tasks
 
 
 def _workers(client):

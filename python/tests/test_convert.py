@@ -32,6 +32,14 @@ def test_dask_reads_blocks(file):
     assert (pickle.loads(pickle.dumps(lazy)).sum().compute(scheduler="sync")) == f.to_numpy().sum()
 
 
+@pytest.mark.parametrize("chunks", [(0, 1, 2), 0])
+def test_chunks_without_points_are_refused(model, chunks):
+    pytest.importorskip("xarray")
+    pytest.importorskip("dask")
+    with pytest.raises(ValueError, match="at least 1 point"):
+        model.to_xarray(chunks=chunks)
+
+
 def test_xarray_has_world_coordinates(model, turned):
     pytest.importorskip("xarray")
     a = model.to_xarray()

@@ -223,6 +223,8 @@ def test_a_block_larger_than_memory_raises(tmp_path):
         f.block((0, 0, 0), (1, 11, 1))
     with pytest.raises(ValueError, match="beyond the volume"):
         f.block((-1, 0, 0), (1, 1, 1))
+    with pytest.raises(ValueError, match="beyond the volume"):
+        f.block((2**70, 0, 0), (1, 1, 1))
     assert f[2999, 0, :5].tolist() == [1, 0, 0, 0, 0]
 
 

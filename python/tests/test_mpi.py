@@ -80,6 +80,19 @@ def test_a_rank_that_fails_ends_all_with_its_message(tmp_path):
     assert ran.returncode == 0 and brick in ran.stderr and (tmp_path / "a.png").exists()
 
 
+@pytest.mark.parametrize(
+    ("flag", "text", "example"),
+    [("--visible", "abc", "300..3000"), ("--visible", "a..", "300.."), ("--levels", "x", "auto")],
+)
+def test_an_argument_that_cannot_be_read_is_refused_with_an_example(flag, text, example, capsys):
+    from adjsplat.mpi import main
+
+    with pytest.raises(SystemExit):
+        main(["build", "a.npy", "-o", "a.adjs", "--slab", "5", flag, text])
+    said = capsys.readouterr().err
+    assert repr(text) in said and example in said and "value" not in said
+
+
 INTERRUPTED = """
 import sys
 import numpy as np
