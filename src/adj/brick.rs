@@ -18,7 +18,7 @@ use adjsplat::collection::{Findings, Partition, Plan};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::write_atomically_unless;
 use adjsplat::internals::read_text;
-use adjsplat::volume::PartSource;
+use adjsplat::volume::{Grid, PartSource};
 
 /// Build a collection brick by brick, in steps that jobs on any machines do; the bricks join to the bytes of adj build
 ///
@@ -245,16 +245,31 @@ impl BrickOfVolume {
         let plan = read_plan(&self.plan)?;
         let region = plan.samples_of(self.number)?;
         let volume = self.reading.open(input)?;
-        let dims = volume.header().grid.dims;
-        if dims != plan.grid().dims {
-            let why = format!("has {dims:?} points, but the plan is of a volume of {:?}", plan.grid().dims);
-            return Err(Error::input(self.input[0].display().to_string(), why));
-        }
+        check_grid(&volume.header().grid, plan.grid())
+            .map_err(|why| Error::input(self.input[0].display().to_string(), why))?;
         Ok((plan, PartSource::new(volume, region.low(), region.size())?))
     }
 
     fn resources(&self, folder: PathBuf) -> Resources {
         Resources { memory: Some(self.resources.memory()), threads: self.resources.threads(), folder: Some(folder) }
+    }
+}
+
+/// Returns what is another in the grid of a volume than in the plan's. The same file and flags give the same numbers, bit for
+/// bit, and a plan keeps them.
+fn check_grid(grid: &Grid, plan: &Grid) -> Result<(), String> {
+    let but = "but the plan is of a volume";
+    let flags = "give the volume and the flags of the plan";
+    if grid.dims != plan.dims {
+        return Err(format!("has {:?} points, {but} of {:?}; {flags}", grid.dims, plan.dims));
+    }
+    let places = [("spacing", grid.spacing, plan.spacing), ("origin", grid.origin, plan.origin)];
+    let axes = ["x", "y", "z"].map(|axis| format!("direction of {axis}"));
+    let directions = (0..3).map(|a| (axes[a].as_str(), grid.direction[a], plan.direction[a]));
+    match places.into_iter().chain(directions).find(|(_, given, planned)| given != planned) {
+        Some((name, given, planned)) => Err(format!("has the {name} {given:?}, {but} with {planned:?}; {flags}")),
+        None if grid.unit != plan.unit => Err(format!("has another unit of length than the plan's volume; {flags}")),
+        None => Ok(()),
     }
 }
 

@@ -50,3 +50,20 @@ fn few_values_in_one_brick_are_not_taken_for_labels_of_the_whole() {
         assert_eq!(agreed.code, Some(0));
     }
 }
+
+#[test]
+fn a_volume_that_is_not_the_plans_is_refused() {
+    let folder = Folder::new();
+    let (volume, dims) = ("phantom:gyroid", "--dims 24x20x8");
+    agree(&folder, volume, dims).done();
+    for (step, plan) in [("scan", "plan.json"), ("build", "agreed.json")] {
+        let step = |line: &str| folder.adj(&format!("brick {step} {plan} 1 {line} -o out"));
+        step(&format!("{volume} {dims} --spacing 1x1x2")).refused(&["phantom:gyroid", "spacing", "plan"]);
+        step(&format!("{volume} {dims} --flip x")).refused(&["phantom:gyroid", "plan"]);
+        assert!(!folder.file("out").exists());
+    }
+    let other = "phantom:shells --dims 24x20x8";
+    folder.adj(&format!("brick build agreed.json 1 {other} -o out")).refused(&["brick 1", "visible voxels", "scan"]);
+    assert!(!folder.file("out").exists());
+    folder.adj(&format!("brick build agreed.json 1 {volume} {dims} -o out")).done();
+}

@@ -1,5 +1,7 @@
 //! What scans of bricks find, and how findings join to those of the whole.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::build::codes::CodeLoss;
@@ -12,6 +14,9 @@ pub(super) struct Found {
     /// The largest gradient magnitude, where visibility depends on it.
     pub(super) largest_magnitude: Option<f64>,
     pub(super) samples: Option<SampleFindings>,
+    /// Visible voxels of each scanned brick, by its index. Files of older versions do not have them.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub(super) voxels_of_bricks: BTreeMap<usize, u64>,
     /// What codes of 8 and of 16 bits lose; `None` where that was not asked for.
     pub(super) losses: [Option<CodeLoss>; 2],
 }
@@ -58,6 +63,7 @@ impl Found {
     pub(super) fn join(&mut self, other: &Found) {
         join_option(&mut self.largest_magnitude, other.largest_magnitude, |one, other| *one = one.max(*other));
         join_option(&mut self.samples, other.samples, SampleFindings::join);
+        self.voxels_of_bricks.extend(&other.voxels_of_bricks);
         for (loss, other) in self.losses.iter_mut().zip(other.losses.clone()) {
             join_option(loss, other, CodeLoss::join);
         }

@@ -316,6 +316,7 @@ impl Plan {
         }
         if stage == Stage::Samples {
             found.samples = Some(samples);
+            found.voxels_of_bricks.insert(index, samples.visible_voxels);
         }
         Ok(found)
     }
@@ -355,8 +356,8 @@ impl Plan {
     /// [`Plan::samples_of`].
     ///
     /// # Errors
-    /// [`Error::Input`] if the plan is not agreed, or if the samples are of another box or type; the errors of
-    /// [`classify`](crate::build::classify) and [`write_rows`](crate::file::write_rows).
+    /// [`Error::Input`] if the plan is not agreed, or if the samples are of another box or type or have other visible voxels
+    /// than the scan found; the errors of [`classify`](crate::build::classify) and [`write_rows`](crate::file::write_rows).
     pub fn build(
         &self,
         index: usize,
@@ -378,6 +379,11 @@ impl Plan {
         let all_rows = ClassifiedRows { spill, encoder };
         let rows = RowsWithin { rows: &all_rows, within: kept };
         let voxels = if around == rows.within { all_rows.spill.voxels } else { count(&rows)? };
+        if let Some(scanned) = self.found.voxels_of_bricks.get(&index).filter(|&&scanned| scanned != voxels) {
+            let why =
+                format!("have {voxels} visible voxels, but its scan found {scanned}; give the volume that was scanned");
+            return Err(Error::input(format!("samples of brick {index}"), why));
+        }
         let facts = Facts { grid: region.grid(&self.grid), visible_voxels: voxels, ..all };
         let description = brick_description(&whole, region, self.grid.dims);
         let Resources { memory, threads, .. } = *resources;
