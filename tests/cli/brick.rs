@@ -67,3 +67,29 @@ fn a_volume_that_is_not_the_plans_is_refused() {
     assert!(!folder.file("out").exists());
     folder.adj(&format!("brick build agreed.json 1 {volume} {dims} -o out")).done();
 }
+
+#[test]
+fn a_damaged_brick_is_named_when_a_picture_fails() {
+    let folder = Folder::new();
+    folder.adj("build phantom:gyroid --dims 32x32x16 --range 60.. -q -o a.adj").done();
+    folder.adj("split a.adj -o a.adjs --slab 8").done();
+    let brick = "a.adjs/brick-0-00008-00000-00000.adj";
+    let sound = std::fs::read(folder.file(brick)).expect("it is there");
+    let mut failures = Vec::new();
+    for part in 1..40 {
+        let mut damaged = sound.clone();
+        let start = damaged.len() * part / 40;
+        damaged[start..][..16].fill(0xff);
+        std::fs::write(folder.file(brick), damaged).expect("it can be written");
+        let drawn = folder.adj("render a.adjs -o a.png --size 10x10 --renderer cpu -q");
+        if drawn.code != Some(0) {
+            assert!(drawn.code == Some(2) && drawn.stdout.is_empty(), "{}", drawn.stderr);
+            for part in [&brick[7..], "1 of 2 bricks cannot be used", "--partial"] {
+                assert!(drawn.stderr.contains(part), "{part}: {}", drawn.stderr);
+            }
+            failures.push(drawn.stderr);
+        }
+    }
+    // Of voxels that are lost there are fewer than the joined file's header says, in which no brick is named.
+    assert!(failures.iter().any(|failure| failure.contains("steps of lane x")), "{failures:?}");
+}

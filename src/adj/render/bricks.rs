@@ -19,11 +19,23 @@ use adjsplat::internals::drawable;
 use adjsplat::splat::Settings;
 
 impl RenderJob<'_> {
-    pub(super) fn draw_collection(&self, mut settings: Settings) -> Result<Answer> {
+    pub(super) fn draw_collection(&self, settings: Settings) -> Result<Answer> {
         let arguments = self.arguments;
         if arguments.preview {
             return self.draw_preview(settings);
         }
+        let drawn = self.draw_opened(settings);
+        if let (Err(Error::Format { .. }), false) = (&drawn, arguments.partial) {
+            // The fault may be at a byte of the joined voxels, which says nothing of the brick that it came from.
+            let mut collection = opened(self.input.path())?;
+            collection.leave_out_damaged();
+            name_faults(&collection, false)?;
+        }
+        drawn
+    }
+
+    fn draw_opened(&self, mut settings: Settings) -> Result<Answer> {
+        let arguments = self.arguments;
         let mut collection = opened(self.input.path())?;
         if arguments.partial {
             collection.leave_out_damaged();
