@@ -26,8 +26,14 @@ pub(crate) fn exception(error: Error) -> PyErr {
         Error::Device { .. } => DeviceError::new_err(error.to_string()),
         Error::Interrupted => PyKeyboardInterrupt::new_err(()),
         // Values, sizes above a limit, and kinds of errors that a later library may add.
-        other => PyValueError::new_err(other.to_string()),
+        other => PyValueError::new_err(in_python(&other.to_string())),
     }
+}
+
+/// Returns a message or note of the readers, in which advice names arguments of Python.
+pub(crate) fn in_python(text: &str) -> String {
+    text.replace("describe them with `OpenOptions::raw`", "give shape=(z, y, x) and dtype=")
+        .replace("OpenOptions::", "")
 }
 
 /// Returns an `OSError`, or the class of it that the system's number of the error stands for.

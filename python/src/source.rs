@@ -12,7 +12,7 @@ use numpy::{Element, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::errors::exception;
+use crate::errors::{exception, in_python};
 use crate::watch::Raised;
 
 /// A volume that a build can read, and what Python raised while it was read.
@@ -45,7 +45,7 @@ impl Source {
     /// Remarks on how the volume was read, which name arguments of `build`.
     #[getter]
     fn notes(&self) -> Vec<String> {
-        self.volume().notes().iter().map(|note| note.replace("OpenOptions::", "")).collect()
+        self.volume().notes().iter().map(|note| in_python(note)).collect()
     }
 }
 

@@ -149,6 +149,8 @@ def test_an_array_whose_slices_change_their_shape_raises(volume):
 def test_files_of_several_formats(volume, tmp_path):
     whole = adj.build(volume, visible=(60, None))
     (tmp_path / "v.raw").write_bytes(volume.tobytes())
+    with pytest.raises(ValueError, match=r"v\.raw.*give shape=\(z, y, x\) and dtype=$"):
+        adj.build(tmp_path / "v.raw", visible=(60, None))
     raw = adj.build(tmp_path / "v.raw", visible=(60, None), shape=volume.shape, dtype="u1")
     assert (raw.to_numpy() == whole.to_numpy()).all()
     (tmp_path / "v16.raw").write_bytes(b"head" + volume.astype(">u2").tobytes())
