@@ -100,8 +100,8 @@ fn far_voxels_of_a_perspective_are_not_too_opaque_where_those_in_the_middle_have
             let camera = camera(&built, Some(fov), [side; 2]);
             let fine = built.frame(&camera, &settings([side * FINER; 2], Sampling::EveryPixel));
             let mut truth = Frame::transparent([side; 2]).unwrap();
-            for (index, pixel) in truth.pixels_mut().chunks_exact_mut(4).enumerate() {
-                let [column, row] = [index as u32 % side, index as u32 / side].map(|at| at * FINER + 1);
+            for (index, pixel) in (0..).zip(truth.pixels_mut().chunks_exact_mut(4)) {
+                let [column, row] = [index % side, index / side].map(|at| at * FINER + 1);
                 pixel.copy_from_slice(&fine.pixel(column, row));
             }
             let drawn = built.frame(&camera, &settings([side; 2], Sampling::Finer));
