@@ -6,6 +6,7 @@ use super::SampleGrid;
 use crate::arena::visible::MAX_DEPTH;
 use crate::error::Result;
 use crate::splat::setup::walk_order;
+use crate::splat::supersample::Supersampling;
 use crate::splat::{Blending, Camera, Settings, View};
 use crate::traverse::{Order, VoxelBox};
 use crate::volume::Grid;
@@ -71,14 +72,22 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
     let order = walk_order(&view, grid, settings)?;
     // The depths are not known. The deeper voxels are, the finer is their lattice, until it is no longer worthwhile.
     let depths = (0..=DEPTHS).map(|index| MAX_DEPTH * (f64::from(index) / f64::from(DEPTHS)).powi(3));
-    let canvases = depths.map(|deepest| canvas_of_depth(&view, &order, bounds, deepest, settings));
+    let supersampling = Supersampling::new(&view, bounds, settings);
+    let canvases = depths.map(|deepest| canvas_of_depth(&view, &order, bounds, deepest, supersampling, settings));
     let need = |canvas: &Canvas| memory_need(grid.dims, 0, *canvas, view.is_perspective(), settings);
     Ok(canvases.max_by_key(need).unwrap_or(Canvas::Picture))
 }
 
 /// Returns where a view of voxels is drawn whose largest optical depth is `deepest`.
-fn canvas_of_depth(view: &View, order: &Order, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Canvas {
-    match SampleGrid::choose(view, order, bounds, deepest, settings) {
+fn canvas_of_depth(
+    view: &View,
+    order: &Order,
+    bounds: &VoxelBox,
+    deepest: f64,
+    supersampling: Option<Supersampling>,
+    settings: &Settings,
+) -> Canvas {
+    match SampleGrid::choose(view, order, bounds, deepest, supersampling, settings) {
         Some(SampleGrid::Lattice(lattice)) => {
             Canvas::Lattice { size: lattice.size, kept: lattice.kept(), copied: lattice.copied() }
         }
@@ -157,8 +166,9 @@ mod tests {
                 let asked = need(canvas(&grid, &bounds, &camera, &settings).unwrap());
                 let view = View::new(&camera, &grid, size, settings.kernel(), settings.near).unwrap();
                 let order = walk_order(&view, &grid, &settings).unwrap();
+                let finer = Supersampling::new(&view, &bounds, &settings);
                 for index in 0..1_000 {
-                    let drawn = canvas_of_depth(&view, &order, &bounds, f64::from(index) * 0.016, &settings);
+                    let drawn = canvas_of_depth(&view, &order, &bounds, f64::from(index) * 0.016, finer, &settings);
                     is_lattice |= matches!(drawn, Canvas::Lattice { .. });
                     // What is asked for has a share for the process that is larger than a fiftieth.
                     assert!(need(drawn) <= asked + asked / 50, "{dims:?} {fov:?} {zoom} {size:?} {index}");

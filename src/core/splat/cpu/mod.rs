@@ -125,8 +125,10 @@ fn draw_scene(
     // Computing the bounds takes a pass over all tiles.
     let bounds = if settings.keeps_pixels() { None } else { setup.lane.bounds() };
     let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
-    let sample_grid =
-        bounds.and_then(|bounds| SampleGrid::choose(&setup.view, &setup.order, &bounds, deepest, settings));
+    let sample_grid = bounds.and_then(|bounds| {
+        let supersampling = Supersampling::new(&setup.view, &bounds, settings);
+        SampleGrid::choose(&setup.view, &setup.order, &bounds, deepest, supersampling, settings)
+    });
     // Faint scenes are drawn in stacks, on the picture's own pixels. Splats are fainter there than on a lattice if voxels are small.
     let is_faint = |lattice: &Lattice| {
         let strongest = lattice.strength().map_or_else(|| faint::strongest(&setup, &table), f64::from);
@@ -191,9 +193,15 @@ enum SampleGrid {
 impl SampleGrid {
     /// Returns the best way to sample a view of the voxels in `bounds`; `None` to draw one sample for each pixel.
     ///
-    /// `deepest` is the largest optical depth of any voxel, along a ray as long as the mean spacing.
-    fn choose(view: &View, order: &Order, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Option<SampleGrid> {
-        let supersampling = Supersampling::new(view, bounds, settings);
+    /// `deepest` is the largest optical depth of any voxel, along a ray as long as the mean spacing; `supersampling` that of the view.
+    fn choose(
+        view: &View,
+        order: &Order,
+        bounds: &VoxelBox,
+        deepest: f64,
+        supersampling: Option<Supersampling>,
+        settings: &Settings,
+    ) -> Option<SampleGrid> {
         let lattice = Lattice::new(view, order, bounds, deepest, settings)
             .filter(|lattice| lattice.is_worthwhile(samples_shown(view, bounds, supersampling.as_ref())));
         match lattice {
@@ -262,7 +270,8 @@ fn blended<B: Blend>(
 /// Marks the records that a view shows. A record is shown if, at any pixel of its footprint, the transmittance in front
 /// of it is at least the termination threshold of `settings`.
 ///
-/// Composites front to back, on one thread. Takes 16 bytes per pixel (24 in a perspective), for at most 2^22 pixels (or one row) at a time.
+/// Composites front to back, on one thread. Takes 16 bytes per pixel (24 in a perspective), for at most 2^22 pixels (or one
+/// row) at a time.
 ///
 /// # Errors
 /// Returns the errors of [`render`].

@@ -1,7 +1,8 @@
 //! Stage 1: from voxels to splats.
 //!
 //! In: up to a block of voxels and their records. Out: their footprints, colours and peaks (optical depths at the
-//! centres; on rays, for a stretch of 1). Every loop over a block treats each voxel by itself, so that vector instructions can treat many at once:
+//! centres; on rays, for a stretch of 1). Every loop over a block treats each voxel by itself, so that vector instructions
+//! can treat many at once:
 //!
 //! ```text
 //! place     centre, ellipse, bounding box             all voxels of the block

@@ -17,8 +17,8 @@ const NEAREST: f64 = 8.0;
 /// How many times as long a pixel may be one way as the other. In a perspective, which may run along an axis in its middle, 1.5 lost
 /// 1.6 dB (azimuth 90, elevation 0).
 const LONGEST: f64 = 1.25;
-/// Tangent of half of 75 degrees, and some rounding: above it an angle of view along the picture's height is wide, and [`WIDEST`] also holds of voxels that are wide
-/// in the middle.
+/// Tangent of half of 75 degrees, and some rounding: above it an angle of view along the picture's height is wide, and [`WIDEST`]
+/// also holds of voxels that are wide in the middle.
 const WIDE_ANGLE: f64 = 0.768;
 /// Width of a footprint, in pixels, up to which a voxel is tiny, and this does not hold: that of the low-pass on sixteen samples
 /// a pixel's side.
