@@ -12,6 +12,7 @@
 //!
 //! Source: Unser, Aldroubi and Eden, "B-spline signal processing", 1993.
 
+mod covered;
 mod gaussian;
 mod plane;
 mod spline;
@@ -20,13 +21,13 @@ use std::ops::Range;
 
 use fearless_simd::{Level, dispatch};
 
+use self::covered::Covered;
 use self::gaussian::{Variances, blur};
 use self::plane::Plane;
 use self::spline::{filter_columns, filter_rows, resample};
 use super::lattice::{Lattice, LowPass};
 use super::tile_buffer::halve_rows;
 use crate::error::Result;
-use crate::parallel::in_parts;
 use crate::splat::Frame;
 
 /// Pixels of the plane for which it is worthwhile to start a thread.
@@ -64,14 +65,12 @@ pub(super) fn warp(
     let Some(covered) = Covered::of(&plane, around - 1, plane_threads) else {
         return Ok(picture);
     };
-    let inner = |range: &Range<usize>, end: usize| {
+    filter_rows(plane.pixels_mut(), 4 * columns, &covered, instructions, plane_threads);
+    filter_columns(plane.pixels_mut(), 4 * columns, &covered, instructions, plane_threads);
+    let inner = |range: Range<usize>, end: usize| {
         [range.start.max(around - 1) as f64, range.end.min(end - around) as f64 - 0.001]
     };
-    let within = [inner(&covered.columns, columns), inner(&covered.rows, rows)];
-    let len = 4 * columns;
-    let drawn = &mut plane.pixels_mut()[len * covered.rows.start..len * covered.rows.end];
-    filter_rows(drawn, len, covered.columns.clone(), instructions, plane_threads);
-    filter_columns(drawn, len, covered.columns, instructions, plane_threads);
+    let within = [inner(covered.columns_of(0..rows), columns), inner(covered.rows_of(0..columns), rows)];
     let samples = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
     let map = &plane_from_pixel;
     let variances = Variances { low_pass: deviation * deviation, spline: lattice.low_pass.spline_variance() };
@@ -92,54 +91,4 @@ pub(super) fn halved(plane: &Frame, halves: [bool; 2], threads: usize) -> Result
     let rows = plane.pixels().as_chunks().0;
     halved.fill_rows(threads, |y, row| halve_rows(&rows[each[1] as usize * y * columns..], columns, halves, row));
     Ok(halved)
-}
-
-/// Which pixels of a plane something was drawn on.
-struct Covered {
-    /// The rows and columns of these pixels, and of those around them that the filter changes.
-    rows: Range<usize>,
-    columns: Range<usize>,
-    /// For each pixel of the plane: whether something was drawn on it or on a pixel near it.
-    near: Vec<bool>,
-}
-
-impl Covered {
-    /// `None` if nothing was drawn. `reach`: how many columns and rows away pixels are near.
-    fn of(plane: &Frame, reach: usize, threads: usize) -> Option<Covered> {
-        /// How far the filter carries values, in pixels: 0.268^16 is 7e-10.
-        const CARRIED: usize = 16;
-        let [columns, rows] = plane.size().map(|side| side as usize);
-        let mut drawn = vec![false; columns * rows];
-        in_parts(&mut drawn, columns, threads, |from, drawn| {
-            for (drawn, pixel) in drawn.iter_mut().zip(&plane.pixels().as_chunks::<4>().0[columns * from..]) {
-                *drawn = pixel[3] > 0.0;
-            }
-        });
-        let lines: Vec<&[bool]> = drawn.chunks_exact(columns).collect();
-        let top = lines.iter().position(|line| line.contains(&true))?;
-        let bottom = lines.iter().rposition(|line| line.contains(&true))?;
-        let (mut left, mut right) = (columns, 0);
-        for line in &lines[top..=bottom] {
-            left = line[..left].iter().position(|drawn| *drawn).unwrap_or(left);
-            right = line[right..].iter().rposition(|drawn| *drawn).map_or(right, |last| right + last);
-        }
-        let mut near = vec![false; columns * rows];
-        in_parts(&mut near, columns, threads, |from, near| {
-            for (row, near) in (from..).zip(near.chunks_exact_mut(columns)) {
-                for line in &lines[row.saturating_sub(reach)..rows.min(row + reach + 1)] {
-                    near.iter_mut().zip(*line).for_each(|(near, drawn)| *near |= drawn);
-                }
-                for _ in 0..reach {
-                    for column in 1..columns {
-                        near[column - 1] |= near[column];
-                    }
-                    for column in (1..columns).rev() {
-                        near[column] |= near[column - 1];
-                    }
-                }
-            }
-        });
-        let carried = |from: usize, to: usize, end: usize| from.saturating_sub(CARRIED)..(to + CARRIED + 1).min(end);
-        Some(Covered { rows: carried(top, bottom, rows), columns: carried(left, right, columns), near })
-    }
 }

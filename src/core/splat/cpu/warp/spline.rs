@@ -4,11 +4,10 @@
 //!
 //! Source: Unser, Aldroubi and Eden, "B-spline signal processing", 1993: a recursive filter, then weights.
 
-use std::ops::Range;
-
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x4, f32x16};
 
+use super::covered::Covered;
 use super::plane::{Plane, PlanePoints, TOGETHER};
 use crate::parallel::in_parts;
 use crate::splat::arith::at_most;
@@ -30,18 +29,21 @@ fn spline_weights<S: Simd>(t: f32x16<S>) -> [[f32; TOGETHER]; 4] {
 /// How many rows the filter takes at once: two full vectors, which hides that each pixel waits for the one before.
 const ROWS: usize = 8;
 
-/// Applies the recursive filter to rows of `len` numbers, to the right and back, within a range of columns. With
+/// Applies the recursive filter to rows of `len` numbers, to the right and back, where they are covered. With
 /// [`filter_columns`] it turns samples into the coefficients of the B-spline through them, divided by the square of
-/// [`GAIN`]. Beyond the range, samples are 0.
-pub(super) fn filter_rows(rows: &mut [f32], len: usize, columns: Range<usize>, instructions: Level, threads: usize) {
-    in_parts(rows, len, threads, |_, rows| {
-        let lines = rows.chunks_exact_mut(len).map(|row| &mut row.as_chunks_mut().0[columns.clone()]);
-        let mut lines: Vec<&mut [[f32; 4]]> = lines.collect();
-        dispatch!(instructions, _ => {
-            let (groups, rest) = lines.as_chunks_mut::<ROWS>();
-            groups.iter_mut().for_each(filter_lines);
-            rest.as_chunks_mut::<1>().0.iter_mut().for_each(filter_lines);
-        });
+/// [`GAIN`].
+pub(super) fn filter_rows(rows: &mut [f32], len: usize, covered: &Covered, instructions: Level, threads: usize) {
+    in_parts(rows, len, threads, |from, rows| {
+        for (group, rows) in rows.chunks_mut(ROWS * len).enumerate() {
+            let from = from + ROWS * group;
+            let columns = covered.columns_of(from..from + rows.len() / len);
+            let lines = rows.chunks_exact_mut(len).map(|row| &mut row.as_chunks_mut().0[columns.clone()]);
+            let mut lines: Vec<&mut [[f32; 4]]> = lines.collect();
+            dispatch!(instructions, _ => match lines.as_chunks_mut::<ROWS>().0 {
+                [lines] => filter_lines(lines),
+                _ => lines.as_chunks_mut::<1>().0.iter_mut().for_each(filter_lines),
+            });
+        }
     });
 }
 
@@ -81,20 +83,20 @@ fn normal(value: f32) -> f32 {
 }
 
 /// Applies the recursive filter to columns, downward and back; see [`filter_rows`].
-pub(super) fn filter_columns(rows: &mut [f32], len: usize, columns: Range<usize>, instructions: Level, threads: usize) {
-    /// Numbers of a strip's row: strips of many rows stay in the second-level cache.
-    const STRIP: usize = 128;
-    let mut strips: Vec<Vec<&mut [f32]>> = Vec::new();
-    for row in rows.chunks_exact_mut(len) {
-        for (index, part) in row[4 * columns.start..4 * columns.end].chunks_mut(STRIP).enumerate() {
-            if strips.len() == index {
-                strips.push(Vec::new());
+pub(super) fn filter_columns(rows: &mut [f32], len: usize, covered: &Covered, instructions: Level, threads: usize) {
+    /// Columns of a strip: strips of many rows stay in the second-level cache.
+    const STRIP: usize = 32;
+    let ranges = (0..len / 4).step_by(STRIP).map(|first| covered.rows_of(first..first + STRIP));
+    let mut strips: Vec<_> = ranges.map(|rows| (rows, Vec::new())).collect();
+    for (index, row) in rows.chunks_exact_mut(len).enumerate() {
+        for ((rows, strip), part) in strips.iter_mut().zip(row.chunks_mut(4 * STRIP)) {
+            if rows.contains(&index) {
+                strip.push(part);
             }
-            strips[index].push(part);
         }
     }
     in_parts(&mut strips, 1, threads, |_, strips| {
-        strips.iter_mut().for_each(|strip| dispatch!(instructions, _ => filter_strip(strip)));
+        strips.iter_mut().for_each(|(_, strip)| dispatch!(instructions, _ => filter_strip(strip)));
     });
 }
 
