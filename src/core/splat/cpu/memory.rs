@@ -87,7 +87,9 @@ fn canvas_of_depth(
     supersampling: Option<Supersampling>,
     settings: &Settings,
 ) -> Canvas {
-    match SampleGrid::choose(view, order, bounds, deepest, supersampling, settings) {
+    // A lattice needs no less than the picture, which is drawn instead if there are few voxels.
+    let voxels = f64::INFINITY;
+    match SampleGrid::choose(view, order, bounds, [deepest, voxels], supersampling, settings) {
         Some(SampleGrid::Lattice(lattice)) => {
             Canvas::Lattice { size: lattice.size, kept: lattice.kept(), copied: lattice.copied() }
         }

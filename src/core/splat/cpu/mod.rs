@@ -127,7 +127,8 @@ fn draw_scene(
     let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
     let sample_grid = bounds.and_then(|bounds| {
         let supersampling = Supersampling::new(&setup.view, &bounds, settings);
-        SampleGrid::choose(&setup.view, &setup.order, &bounds, deepest, supersampling, settings)
+        let voxels = scene.facts.visible_voxels;
+        SampleGrid::choose(&setup.view, &setup.order, &bounds, [deepest, voxels as f64], supersampling, settings)
     });
     // Faint scenes are drawn in stacks, on the picture's own pixels. Splats are fainter there than on a lattice if voxels are small.
     let is_faint = |lattice: &Lattice| {
@@ -193,17 +194,20 @@ enum SampleGrid {
 impl SampleGrid {
     /// Returns the best way to sample a view of the voxels in `bounds`; `None` to draw one sample for each pixel.
     ///
-    /// `deepest` is the largest optical depth of any voxel, along a ray as long as the mean spacing; `supersampling` that of the view.
+    /// `deepest` is the largest optical depth of any voxel, along a ray as long as the mean spacing; `voxels` is their number, or
+    /// more; `supersampling` is that of the view.
     fn choose(
         view: &View,
         order: &Order,
         bounds: &VoxelBox,
-        deepest: f64,
+        [deepest, voxels]: [f64; 2],
         supersampling: Option<Supersampling>,
         settings: &Settings,
     ) -> Option<SampleGrid> {
+        // Only beside one sample a pixel is the number of voxels known to matter.
+        let voxels = if supersampling.is_none() { voxels } else { f64::INFINITY };
         let lattice = Lattice::new(view, order, bounds, deepest, settings)
-            .filter(|lattice| lattice.is_worthwhile(samples_shown(view, bounds, supersampling.as_ref())));
+            .filter(|lattice| lattice.is_worthwhile(samples_shown(view, bounds, supersampling.as_ref()), voxels));
         match lattice {
             Some(lattice) => Some(SampleGrid::Lattice(Box::new(lattice))),
             None => supersampling.map(SampleGrid::Supersampling),

@@ -13,6 +13,10 @@ use crate::traverse::{Order, Sense, VoxelBox};
 
 /// The most pixels of a plane per sample of the other way at which the plane is faster. Measured: docs/studies/sampling.md.
 const MOST_PER_SAMPLE: f64 = 4.0;
+/// Pixels of a plane per pixel of the picture up to which the plane is faster however few voxels there are, and the most pixels per
+/// voxel of a larger one.
+const FEW_PER_SAMPLE: f64 = 2.2;
+const MOST_PER_VOXEL: f64 = 0.8;
 /// The most pixels of a plane per pixel of the picture, unless few are kept for the warp.
 const MOST_PER_PIXEL: f64 = 6.5;
 /// The most kept pixels that are few: they take 36 to 68 MiB.
@@ -112,12 +116,14 @@ impl Lattice {
         }
     }
 
-    /// Returns whether this plane's pixels are drawn rather than so many `samples` of the part of the picture that shows the voxels.
-    pub(in super::super) fn is_worthwhile(&self, samples: f64) -> bool {
+    /// Returns whether this plane's pixels are drawn rather than so many `samples` of the part of the picture that shows the voxels,
+    /// of which there are at most so many.
+    pub(in super::super) fn is_worthwhile(&self, samples: f64, voxels: f64) -> bool {
         let pixels = |[columns, rows]: [u32; 2]| f64::from(columns) * f64::from(rows);
         let plane = pixels(self.size);
         let is_too_large = pixels(self.kept()) > FEW_PIXELS && plane > MOST_PER_PIXEL * pixels(self.picture);
         // Pixels are averaged where voxels are smaller than those of the picture: the other way has many samples there, or too few.
-        !is_too_large && (self.low_pass.halvings != [0; 2] || plane <= MOST_PER_SAMPLE * samples)
+        let most = (MOST_PER_VOXEL * voxels).clamp(FEW_PER_SAMPLE * samples, MOST_PER_SAMPLE * samples);
+        !is_too_large && (self.low_pass.halvings != [0; 2] || plane <= most)
     }
 }
