@@ -130,8 +130,10 @@ impl OnDevice<'_> {
         let frame_ms = start.elapsed().as_secs_f64() * 1e3;
         if has_few_bits && self.accumulation_error.is_none() {
             self.renderer.set_compositor(Some(Compositor::Tiles))?;
-            let (exact, _) = self.renderer.render(camera, &settings.clone().with_termination(0.0))?;
+            let exact = self.renderer.render(camera, &settings.clone().with_termination(0.0));
+            // Also where the picture does not fit: --fit goes on with a coarser level.
             self.renderer.set_compositor(Some(compositor))?;
+            let (exact, _) = exact?;
             let [largest, rms] = difference(&frame, &exact);
             print_note(&format!(
                 "note: accumulating in few bits changed the first picture by up to {largest:.4} of full brightness, {rms:.4} on average (root mean square)"

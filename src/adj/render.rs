@@ -12,7 +12,7 @@ use std::time::Instant;
 use clap::Args;
 use indicatif::HumanBytes;
 
-use self::frames::{draw_frames, numbered};
+use self::frames::draw_frames;
 use self::look::{LookArguments, chosen};
 use self::missing::shows_missing_voxels;
 use self::view::{ViewArguments, cameras};
@@ -41,7 +41,7 @@ use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::{Axis, SlabSource};
 use adjsplat_judge::dial;
 use adjsplat_judge::reference::Judge;
-use adjsplat_pictures::PictureKind;
+use adjsplat_pictures::{PictureKind, numbered};
 
 /// Draw an .adj file or a volume: one picture, or the frames of a full turn
 #[derive(Debug, Args)]

@@ -8,4 +8,4 @@ mod write;
 
 #[cfg(not(target_arch = "wasm32"))]
 pub use read::read_picture;
-pub use write::{Picture, PictureKind, SampleDepth, write_png};
+pub use write::{Picture, PictureKind, SampleDepth, numbered, write_png};

@@ -4,7 +4,7 @@
 //! OpenEXR (linear, premultiplied, 32-bit float).
 
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Frame;
@@ -60,6 +60,18 @@ impl PictureKind {
             (_, SampleDepth::Eight) => 4,
         }
     }
+}
+
+/// Returns the files of a turn of so many pictures, one for each: `out-000.png`, `out-001.png` ... for `out.png`.
+pub fn numbered(path: &Path, pictures: u32) -> Vec<PathBuf> {
+    let width = pictures.saturating_sub(1).to_string().len().max(3);
+    let file = |picture| {
+        let mut name = path.file_stem().unwrap_or_default().to_owned();
+        name.push(format!("-{picture:0width$}."));
+        name.push(path.extension().unwrap_or_default());
+        path.with_file_name(name)
+    };
+    (0..pictures).map(file).collect()
 }
 
 /// Bits of each sample of a PNG.
@@ -158,4 +170,25 @@ pub fn write_png(out: &mut dyn Write, pictures: &[Picture]) -> io::Result<()> {
     }
     writer.finish()?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbered_files_count_in_three_digits_or_more() {
+        let names = numbered(Path::new("a/out.png"), 2);
+        assert_eq!(names, [Path::new("a/out-000.png"), Path::new("a/out-001.png")]);
+        assert_eq!(numbered(Path::new("turn.b.exr"), 1_001)[7], Path::new("turn.b-0007.exr"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn names_that_are_not_utf_8_are_kept_in_numbered_files() {
+        use std::ffi::OsStr;
+        use std::os::unix::ffi::OsStrExt as _;
+        let path = |name: &'static [u8]| Path::new(OsStr::from_bytes(name));
+        assert_eq!(numbered(path(b"\xff.png"), 1), [path(b"\xff-000.png")]);
+    }
 }

@@ -10,7 +10,7 @@ use adjsplat::classify::Colour;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Frame, Mode, Quality};
 use adjsplat::{Model, TransferFunction};
-use adjsplat_pictures::{Picture, PictureKind, SampleDepth, write_png};
+use adjsplat_pictures::{Picture, PictureKind, SampleDepth, numbered, write_png};
 use egui::Context;
 
 use crate::draw::Canvas;
@@ -166,10 +166,7 @@ pub(crate) fn files(path: &Path, frames: u32) -> Vec<PathBuf> {
     if frames == 1 || PictureKind::of(path).is_ok_and(|kind| kind == PictureKind::Apng) {
         return vec![path.to_owned()];
     }
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let ending = path.extension().unwrap_or_default().to_string_lossy();
-    let width = (frames - 1).to_string().len().max(3);
-    (0..frames).map(|frame| path.with_file_name(format!("{stem}-{frame:0width$}.{ending}"))).collect()
+    numbered(path, frames)
 }
 
 /// Returns the path of a file, or those of the first and the last of several.

@@ -1,7 +1,7 @@
 //! Draws the frames of `adj render` and writes pictures and statistics.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
@@ -114,14 +114,6 @@ fn stopped_after(written: &[PathBuf], error: Error, count: usize) -> Result<Answ
     let cause = if matches!(error, Error::Interrupted) { "stopped".to_owned() } else { one_line(&error) };
     print_note(&format!("{cause}; {} of {count} frames are written: {names}", written.len()));
     Ok(Answer::Failed)
-}
-
-/// Returns numbered paths, one per frame: `out-000.png`, `out-001.png` ... for `out.png`.
-pub(super) fn numbered(path: &Path, frames: u32) -> Vec<PathBuf> {
-    let width = (frames - 1).to_string().len().max(3);
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let extension = path.extension().unwrap_or_default().to_string_lossy().into_owned();
-    (0..frames).map(|frame| path.with_file_name(format!("{stem}-{frame:0width$}.{extension}"))).collect()
 }
 
 /// Returns the document that `--stats` writes.

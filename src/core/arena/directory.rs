@@ -291,7 +291,8 @@ impl Directory {
     /// Returns a check of the channels of the lane along `axis`, which arrive in parts.
     pub fn channel_check(&self, axis: Axis) -> ChannelCheck {
         let stored = self.channels[axis.index()].unwrap_or_default();
-        ChannelCheck { hashes: [const { Xxh3::new() }; 5], wanted: stored.map(|channel| channel.xxh3) }
+        let wanted = stored.map(|channel| (channel.width > 0).then_some(channel.xxh3));
+        ChannelCheck { hashes: [const { Xxh3::new() }; 5], wanted }
     }
 
     /// Returns the arena, without levels: its lanes have tiles and line ends, but no channels; `codes` counts what these hold.
@@ -313,7 +314,8 @@ fn is_of_directory(entry: &SectionEntry) -> bool {
 /// Checks channels whose bytes arrive in parts.
 pub struct ChannelCheck {
     hashes: [Xxh3; 5],
-    wanted: [u64; 5],
+    /// Of the channels that are stored.
+    wanted: [Option<u64>; 5],
 }
 
 impl ChannelCheck {
@@ -327,8 +329,7 @@ impl ChannelCheck {
     /// # Errors
     /// [`Error::Input`], which names the file as `name`.
     pub fn finish(&self, name: &str) -> Result<()> {
-        // A channel that is not stored has no checksum.
-        let is_sound = |(hash, wanted): (&Xxh3, &u64)| *wanted == 0 || hash.digest() == *wanted;
+        let is_sound = |(hash, wanted): (&Xxh3, &Option<u64>)| wanted.is_none_or(|wanted| hash.digest() == wanted);
         if self.hashes.iter().zip(&self.wanted).all(is_sound) { Ok(()) } else { Err(changed(name)) }
     }
 }

@@ -79,18 +79,21 @@ impl Collection {
             };
             let content = Content { facts, levels: manifest.levels, fingerprint: entry.fingerprint.as_deref() };
             let opened = entry.file.as_ref().map(|name| opened(&path.join(name), &content, limits));
-            let file = opened.transpose().unwrap_or_else(|fault| {
-                faults.push(fault);
-                None
-            });
             let derived = || DerivedLanes::new(limits.derived_bytes);
-            let (mut levels, mut level_limits) = (Vec::new(), Vec::new());
-            if let Some(file) = &file {
-                let arena = file.arena()?;
-                let facts = (1..=manifest.levels).map_while(|number| Some(arena.level(number)?.facts().clone()));
-                levels.extend(facts.map(|facts| (facts, derived())));
-                level_limits.extend_from_slice(arena.level_limits());
-            }
+            let with_levels = |file: Option<AdjFile>| {
+                let (mut levels, mut level_limits) = (Vec::new(), Vec::new());
+                if let Some(file) = &file {
+                    let arena = file.arena()?;
+                    let facts = (1..=manifest.levels).map_while(|number| Some(arena.level(number)?.facts().clone()));
+                    levels.extend(facts.map(|facts| (facts, derived())));
+                    level_limits.extend_from_slice(arena.level_limits());
+                }
+                Ok((file, levels, level_limits))
+            };
+            let (file, levels, level_limits) = opened.transpose().and_then(with_levels).unwrap_or_else(|fault| {
+                faults.push(fault);
+                (None, Vec::new(), Vec::new())
+            });
             bricks.push(Brick { entry: entry.clone(), file, derived: derived(), levels, level_limits });
         }
         let preview = manifest.preview.as_ref().map(|entry| {

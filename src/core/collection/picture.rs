@@ -63,6 +63,9 @@ impl Collection {
     ///
     /// # Errors
     /// The errors of [`cpu::render`].
+    ///
+    /// # Panics
+    /// If there is no brick `index`.
     pub fn render_brick(
         &self,
         index: usize,

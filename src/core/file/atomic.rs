@@ -68,29 +68,31 @@ pub fn write_atomically_unless<T>(
         let file = File::options().write(true).open(path).map_err(Error::io("open", path))?;
         return write_through(path, &file, stop, write);
     };
-    target.replace(path, |file| {
-        let result = write_through(path, file, stop, write)?;
-        // Flushing takes long enough for the user to change their mind.
-        file.sync_all().map_err(Error::io("write", path))?;
-        if stop() { Err(Error::Interrupted) } else { Ok(result) }
-    })
+    let flushed = |result| if stop() { Err(Error::Interrupted) } else { Ok(result) };
+    target.replace(path, |file| write_through(path, file, stop, write), flushed)
 }
 
 /// Creates or replaces the file at `path` with a new file, to which `write` may write at any offset.
 ///
-/// Returns the result of `write`. If `path` is a device or a pipe, it receives the bytes when they are complete.
+/// When the new file is on disk, before it takes its name, `flushed` gets the result of `write`; its own is returned. If `path` is a
+/// device or a pipe, it receives the bytes when they are complete.
 ///
 /// # Errors
-/// The same as [`write_atomically`], and any error of `write`.
-pub(super) fn write_file_atomically<T>(path: &Path, write: impl FnOnce(&File) -> Result<T>) -> Result<T> {
+/// The same as [`write_atomically`], and any error of `write` and `flushed`.
+pub(super) fn write_file_atomically<T, U>(
+    path: &Path,
+    write: impl FnOnce(&File) -> Result<T>,
+    flushed: impl FnOnce(T) -> Result<U>,
+) -> Result<U> {
     let Some(target) = WriteTarget::of(path)? else {
         let mut file = unnamed(&std::env::temp_dir())?;
         let result = write(&file)?;
         let mut device = File::options().write(true).open(path).map_err(Error::io("open", path))?;
         let copied = file.seek(SeekFrom::Start(0)).and_then(|_| io::copy(&mut file, &mut device));
-        return copied.map(|_| result).map_err(Error::io("write", path));
+        copied.map_err(Error::io("write", path))?;
+        return flushed(result);
     };
-    target.replace(path, write)
+    target.replace(path, write, flushed)
 }
 
 /// A file that exists or can be created, after following links.
@@ -100,8 +102,13 @@ struct WriteTarget {
 }
 
 impl WriteTarget {
-    /// Replaces the target with a new file that `write` fills; `path` is used in messages.
-    fn replace<T>(self, path: &Path, write: impl FnOnce(&File) -> Result<T>) -> Result<T> {
+    /// Replaces the target with a new file that `write` fills, unless `flushed` fails; `path` is used in messages.
+    fn replace<T, U>(
+        self,
+        path: &Path,
+        write: impl FnOnce(&File) -> Result<T>,
+        flushed: impl FnOnce(T) -> Result<U>,
+    ) -> Result<U> {
         let WriteTarget { folder, name } = self;
         let temporary = TemporaryFile::new(&folder)?;
         if let Ok(old) = std::fs::metadata(folder.join(&name)) {
@@ -110,6 +117,8 @@ impl WriteTarget {
         }
         let result = write(temporary.file.as_file())?;
         temporary.file.as_file().sync_all().map_err(Error::io("write", path))?;
+        // Flushing takes long enough for the user to change their mind.
+        let result = flushed(result)?;
         temporary.rename(&folder.join(name)).map_err(Error::io("replace", path))?;
         // The name must be on disk too. Where folders cannot be flushed, the file is still complete.
         let _ = File::open(&folder).and_then(|folder| folder.sync_all());

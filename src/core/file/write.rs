@@ -206,13 +206,8 @@ fn write_file(
     observer: &mut dyn Observer,
     write: impl FnOnce(&File, &mut dyn Observer) -> Result<(Facts, u64)>,
 ) -> Result<(Facts, u64)> {
-    write_file_atomically(path, |file| {
-        let written = write(file, observer)?;
-        // Flushing takes long enough for the user to change their mind.
-        file.sync_all().map_err(Error::io("write", path))?;
-        report(observer, Phase::Flush, 1, 1)?;
-        Ok(written)
-    })
+    let flushed = |(written, observer)| report(observer, Phase::Flush, 1, 1).map(|()| written);
+    write_file_atomically(path, |file| Ok((write(file, observer)?, observer)), flushed)
 }
 
 /// Writes the voxels of `rows` like [`write_rows`], but to a file without a name in `folder`, and opens that file.
