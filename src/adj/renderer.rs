@@ -7,7 +7,9 @@ use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
+use sha2::{Digest as _, Sha256};
 
+use super::composite::mode_name;
 #[cfg(feature = "gpu")]
 use super::on_device::OnDevice;
 #[cfg(feature = "gpu")]
@@ -19,6 +21,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::level_parts;
 use adjsplat::splat::{Blending, Camera, Frame, Sampling, Scene, Settings, cpu};
 use adjsplat_judge::reference::Judge;
+use adjsplat_pictures::PicturePart;
 
 /// The flags that choose a renderer.
 #[derive(Debug, Args)]
@@ -237,6 +240,21 @@ impl<'a> Renderer<'a> {
             Renderer::Bricks(collection, transfer, _) => collection.levels_drawn(transfer, camera, settings),
             _ => Ok(level_parts(self.scene()?, camera, settings)?.into_iter().map(|part| part.level).collect()),
         }
+    }
+
+    /// Returns which part of a picture it draws; `None` if it draws the whole.
+    pub(super) fn part(&self, camera: &Camera, settings: &Settings) -> Option<PicturePart> {
+        let Renderer::Bricks(collection, transfer, place) = self else { return None };
+        if place[1] == 1 {
+            return None;
+        }
+        // Machines may differ in their threads.
+        let mut drawn = settings.clone();
+        (drawn.threads, drawn.stop) = (1, None);
+        let all = format!("{} {:?}", env!("CARGO_PKG_VERSION"), (collection.manifest(), transfer, camera, drawn));
+        let digest = Sha256::digest(all);
+        let whole = digest[..16].iter().map(|byte| format!("{byte:02x}")).collect();
+        Some(PicturePart { place: *place, mode: mode_name(settings.mode).into(), whole })
     }
 
     fn scene(&self) -> Result<&Scene<'a>> {

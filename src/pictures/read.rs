@@ -8,9 +8,11 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-use exr::prelude::{ReadChannels as _, ReadLayers as _};
+use exr::meta::MetaData;
+use exr::prelude::{AttributeValue, ReadChannels as _, ReadLayers as _};
 
-use crate::PictureKind;
+use crate::write::PART;
+use crate::{PictureKind, PicturePart};
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Frame;
 use adjsplat::splat::MAX_SIZE;
@@ -25,6 +27,41 @@ pub fn read_picture(path: &Path) -> Result<Frame> {
         PictureKind::Png | PictureKind::Apng => read_png(path),
         PictureKind::Exr => read_exr(path),
     }
+}
+
+/// Returns which part of a larger picture the file at `path` says that it holds; `None` if it says nothing.
+///
+/// # Errors
+/// [`Error::Io`] if it cannot be opened; [`Error::Input`] if it is no picture of the format that its name says, or no part.
+pub fn read_part(path: &Path) -> Result<Option<PicturePart>> {
+    if PictureKind::of(path)? != PictureKind::Exr {
+        return Ok(None);
+    }
+    let described = exr_headers(path)?;
+    let attributes = described.headers.iter().flat_map(|header| &header.own_attributes.other);
+    let mut texts = attributes.filter(|(name, _)| **name == *PART);
+    let Some((_, text)) = texts.next() else { return Ok(None) };
+    let part = match text {
+        AttributeValue::Text(text) => text.to_string().parse().ok(),
+        _ => None,
+    };
+    part.map(Some).ok_or_else(|| broken(path, format!("its attribute {PART} says no part; draw it again")))
+}
+
+/// Reads the headers of an OpenEXR file, and checks its sizes.
+fn exr_headers(path: &Path) -> Result<MetaData> {
+    // The decoder's error would not say that a file is missing, so the file is opened first.
+    File::open(path).map_err(Error::io("open", path))?;
+    // The decoder takes memory for a block of pixels as large as the header says, so headers are checked before.
+    let described = MetaData::read_from_file(path, false).map_err(|fault| broken(path, fault))?;
+    for header in &described.headers {
+        check_size(path, [header.layer_size.x(), header.layer_size.y()].map(side))?;
+    }
+    Ok(described)
+}
+
+fn side(side: usize) -> u32 {
+    u32::try_from(side).unwrap_or(u32::MAX)
 }
 
 fn broken(path: &Path, fault: impl std::fmt::Display) -> Error {
@@ -104,14 +141,7 @@ struct ExrPixels {
 }
 
 fn read_exr(path: &Path) -> Result<Frame> {
-    // The decoder's error would not say that a file is missing, so the file is opened first.
-    File::open(path).map_err(Error::io("open", path))?;
-    let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
-    // The decoder takes memory for a block of pixels as large as the header says, so headers are checked before.
-    let described = exr::meta::MetaData::read_from_file(path, false).map_err(|fault| broken(path, fault))?;
-    for header in &described.headers {
-        check_size(path, [side(header.layer_size.x()), side(header.layer_size.y())])?;
-    }
+    exr_headers(path)?;
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()

@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Frame;
 
+use crate::PicturePart;
+
 /// Format of a picture file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PictureKind {
@@ -83,6 +85,10 @@ pub enum SampleDepth {
     Sixteen,
 }
 
+/// The attribute of an OpenEXR file that says which part of a larger picture it is.
+#[cfg(not(target_arch = "wasm32"))]
+pub(crate) const PART: &str = "adjsplatPart";
+
 /// Frames per second of an animation.
 const RATE: u16 = 12;
 
@@ -93,6 +99,7 @@ pub struct Picture {
     depth: SampleDepth,
     /// Samples as the file stores them: PNG's are big endian, OpenEXR's little.
     bytes: Vec<u8>,
+    part: Option<PicturePart>,
 }
 
 impl Picture {
@@ -103,7 +110,13 @@ impl Picture {
             (_, SampleDepth::Eight) => frame.to_srgb8(),
             (_, SampleDepth::Sixteen) => frame.to_srgb16().iter().flat_map(|sample| sample.to_be_bytes()).collect(),
         };
-        Picture { size: frame.size(), kind, depth, bytes }
+        Picture { size: frame.size(), kind, depth, bytes, part: None }
+    }
+
+    /// Says which part of a larger picture it is, if it is written as OpenEXR.
+    #[must_use]
+    pub fn with_part(self, part: Option<PicturePart>) -> Picture {
+        Picture { part, ..self }
     }
 
     /// Returns red, green, blue and alpha of each pixel, for a checksum.
@@ -131,7 +144,8 @@ impl Picture {
     #[cfg(not(target_arch = "wasm32"))]
     fn write_exr(&self, out: &mut dyn Write) -> io::Result<()> {
         use exr::prelude::{
-            AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage as _,
+            AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer, LayerAttributes,
+            WritableImage as _,
         };
         let channel = |(name, from): (&str, usize)| {
             let sample = |pixel: &[u8; 16]| f32::from_le_bytes(pixel[from..from + 4].try_into().expect("four bytes"));
@@ -139,8 +153,11 @@ impl Picture {
         };
         let channels = AnyChannels::sort([("R", 0), ("G", 4), ("B", 8), ("A", 12)].map(channel).into_iter().collect());
         let size = self.size.map(|side| side as usize);
-        let layer =
-            Layer::new((size[0], size[1]), LayerAttributes::named("adjsplat"), Encoding::SMALL_LOSSLESS, channels);
+        let mut attributes = LayerAttributes::named("adjsplat");
+        if let Some(part) = &self.part {
+            attributes.other.insert(PART.into(), AttributeValue::Text(part.to_string().as_str().into()));
+        }
+        let layer = Layer::new((size[0], size[1]), attributes, Encoding::SMALL_LOSSLESS, channels);
         // The encoder seeks back to fill in its tables, so it writes to memory first.
         let mut file = io::Cursor::new(Vec::new());
         let written = Image::from_layer(layer).write().to_buffered(&mut file);

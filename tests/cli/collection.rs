@@ -285,6 +285,41 @@ fn a_step_with_wrong_input_is_refused_and_writes_nothing() {
 }
 
 #[test]
+fn parts_that_are_missing_doubled_or_of_another_picture_are_not_put_together() {
+    let folder = Folder::new();
+    split(&folder);
+    let draw = |part: &str, name: &str, more: &str| {
+        folder.adj(&format!("render a.adjs --bricks --part {part} -o {name}.exr --size 40x30 {more}")).done();
+    };
+    (1..=3).for_each(|part| draw(&format!("{part}/3"), &part.to_string(), "--threads 2"));
+    draw("2/3", "turned", "--azimuth 1");
+    draw("2/3", "faint", "--quality draft");
+    draw("2/3", "again", "--threads 1");
+    draw("2/4", "fourth", "");
+    folder.adj("render a.adjs -o whole.exr --size 40x30").done();
+    let composite = |names: &str, more: &str| {
+        let pictures: Vec<String> = names.split(' ').map(|name| format!("{name}.exr")).collect();
+        folder.adj(&format!("composite {} -o out.exr {more}", pictures.join(" ")))
+    };
+    composite("1 again 3", "").done();
+    composite("1 3", "").refused(&["part 2 of 3 is missing", "--part 2/3", "--partial"]);
+    composite("1 2", "").refused(&["part 3 of 3 is missing"]);
+    composite("2 3", "").refused(&["part 1 of 3 is missing"]);
+    composite("1 2 2 3", "").refused(&["2.exr", "is part 2 of 3, as 2.exr is", "once"]);
+    composite("1 2 again 3", "--partial").refused(&["again.exr", "once"]);
+    composite("2 1 3", "--partial").refused(&["1.exr", "give it before 2.exr"]);
+    for other in ["turned", "faint", "fourth"] {
+        composite(&format!("1 {other} 3"), "--partial").refused(&[other, "another picture than 1.exr"]);
+    }
+    composite("1 2 3", "--mode xray").refused(&["1.exr", "--mode composite"]);
+    composite("1 2 3 whole", "").refused(&["whole.exr", "does not say", "--partial"]);
+    composite("whole 1 2 3", "").refused(&["1.exr", "others do not", "--partial"]);
+    composite("1 3", "--partial").done();
+    composite("whole 2", "--partial").done();
+    composite("whole whole", "").done();
+}
+
+#[test]
 fn parts_of_a_picture_composite_to_the_whole() {
     let folder = Folder::new();
     split(&folder);
@@ -300,11 +335,11 @@ fn parts_of_a_picture_composite_to_the_whole() {
         let compared = folder.adj("compare whole.exr parts.exr --json").json();
         assert!(compared["max_abs"].as_f64().is_some_and(|most| most < 1e-5), "{compared}");
     }
-    folder.adj("composite 1.exr 2.exr -o over.png --background white").done();
-    folder.adj("render a.adjs --bricks --part 1/2 -o small.exr --size 20x20").done();
+    folder.adj("composite 1.exr 2.exr -o over.png --mode xray --partial --background white").done();
+    folder.adj("render a.adjs -o small.exr --size 20x20").done();
     folder
-        .adj("composite 1.exr small.exr -o b.exr")
-        .refused(&["small.exr", "is 20x20, but the first picture is 60x50"]);
+        .adj("composite small.exr whole.exr -o b.exr")
+        .refused(&["whole.exr", "is 60x50, but the first picture is 20x20"]);
     folder.adj("composite 1.exr 2.exr -o 2.exr").refused(&["--output", "which this call reads or writes"]);
     folder.adj("composite 1.exr no.exr -o b.exr").refused(&["no.exr"]);
     folder.adj("composite 1.exr 2.exr -o b.txt").refused(&["b.txt"]);

@@ -50,7 +50,8 @@ pub(super) fn draw_frames(
         }
         all_stats.push(stats);
         levels.extend(renderer.levels(camera, &settings)?);
-        let picture = Picture::new(&frame, kind, arguments.look.bits);
+        let part = renderer.part(camera, &settings);
+        let picture = Picture::new(&frame, kind, arguments.look.bits).with_part(part);
         drop(frame);
         digest.update(picture.bytes());
         match kind {
