@@ -1,7 +1,7 @@
 //! Memory-mapped `.adj` files.
 //!
 //! In: a path. Out: [`AdjFile`], whose [`Arena`] borrows the mapped pages. This file holds the crate's only mapping
-//! call, and its only `unsafe` code beside the walk's prefix sums.
+//! call, and its only `unsafe` code beside the walk's work on sixteen voxels at once (`traverse/simd.rs`).
 //!
 //! Pages that were read count as the process's memory until the system reclaims them. To limit that memory, use
 //! [`AdjFile::keep_resident_below`]: all pages are released whenever readers would exceed the limit. Pages that are
