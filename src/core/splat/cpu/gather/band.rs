@@ -146,9 +146,9 @@ impl<'a, B: Blend> Band<'a, B> {
         rows: usize,
     ) -> Result<Band<'a, B>> {
         let columns = lattice.size[0] as usize >> TILE_SHIFT;
-        let stamps = lattice.voxels_per_tile().zip(lattice.strength()).map(|(voxels, strength)| {
+        let stamps = lattice.periods().zip(lattice.strength()).map(|(periods, strength)| {
             let depth = task.projector.table.only_depth().map(|depth| limited(depth, strength));
-            Stamps::new(lattice, voxels, depth)
+            Stamps::new(lattice, periods, depth)
         });
         let line = task.setup.lane.dims[task.projector.slow_medium_fast[2]] as usize;
         let has_spans = task.projector.is_on_grid() && stamps.is_none();

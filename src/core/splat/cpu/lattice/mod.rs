@@ -72,7 +72,7 @@ pub(super) struct Tiles {
 #[derive(Debug, Clone)]
 enum Rays {
     Parallel {
-        /// Number of voxels to a tile's width and height; whole if voxels lie on points of the grid.
+        /// Number of voxels to a tile's width and height; whole, or whole and a half, if voxels lie on points of the grid.
         voxels: [f64; 2],
         /// How far a ray moves per slice.
         slope: [f64; 2],
@@ -92,6 +92,15 @@ enum Rays {
         /// The optical depth of a voxel of depth 1 on a ray whose voxels are as long as the mean spacing.
         strength: f64,
     },
+}
+
+/// One or two tiles that are a whole number of voxels wide.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Period {
+    /// Base-2 logarithm of the number of tiles.
+    pub(super) shift: i32,
+    /// Number of voxels.
+    pub(super) voxels: i32,
 }
 
 /// The lattice of a slice. Pairs are along the fast and the medium axis.
@@ -190,11 +199,12 @@ impl Lattice {
     #[inline(always)]
     pub(super) fn place_along(&self, slice: &Slice, side: usize, voxel: i32) -> (i32, f32) {
         let pixel = |voxel: i32| nearest_pixel((f64::from(voxel) - slice.origin[side]) * (1.0 / slice.step[side]));
-        let Some(voxels) = self.voxels_per_tile() else { return pixel(voxel) };
-        // Voxels that are a tile apart have the same offset, bit for bit.
-        let (tiles, rest) = (voxel.div_euclid(voxels[side]), voxel.rem_euclid(voxels[side]));
+        let Some(periods) = self.periods() else { return pixel(voxel) };
+        // Voxels that are a period apart have the same offset, bit for bit.
+        let Period { shift, voxels } = periods[side];
+        let (count, rest) = (voxel.div_euclid(voxels), voxel.rem_euclid(voxels));
         let (pixel, offset) = pixel(rest);
-        (pixel.wrapping_add(tiles << TILE_SHIFT), offset)
+        (pixel.wrapping_add(count << (TILE_SHIFT + shift)), offset)
     }
 
     /// Returns the place on the plane of a voxel of `slice` that may be displaced, from its coordinates on the slow, medium and fast
@@ -295,12 +305,15 @@ impl Lattice {
         }
     }
 
-    /// Returns how many voxels of a slice lie in a tile's width and height, in a parallel view of voxels on points of the grid;
-    /// `None` in other views.
+    /// Returns after how many tiles a slice's voxels lie alike beside them, along the fast and the medium axis, in a parallel view of
+    /// voxels on points of the grid; `None` in other views.
     #[inline(always)]
-    pub(super) fn voxels_per_tile(&self) -> Option<[i32; 2]> {
+    pub(super) fn periods(&self) -> Option<[Period; 2]> {
         match self.rays {
-            Rays::Parallel { voxels, .. } if self.spread == 0.0 => Some(voxels.map(|voxels| voxels as i32)),
+            Rays::Parallel { voxels, .. } if self.spread == 0.0 => Some(voxels.map(|voxels| {
+                let shift = i32::from(voxels.fract() > 0.0);
+                Period { shift, voxels: (voxels * f64::from(1 << shift)) as i32 }
+            })),
             _ => None,
         }
     }
