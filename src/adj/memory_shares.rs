@@ -10,11 +10,9 @@
 use indicatif::HumanBytes;
 
 use super::resources::resident_bytes;
-use adjsplat::arena::layout::{Facts, LevelLimits};
-use adjsplat::arena::{Arena, Lane, LaneSet};
-use adjsplat::classify::TransferFunction;
+use adjsplat::arena::{Arena, Detail, Lane, LaneSet};
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::{IN_FLIGHT, LevelPart, PIXEL_BYTES, RAY_BYTES, level_settings, stored_transfer};
+use adjsplat::internals::{IN_FLIGHT, LevelPart, PIXEL_BYTES, RAY_BYTES, level_settings};
 use adjsplat::splat::cpu;
 use adjsplat::splat::cpu::Canvas;
 use adjsplat::splat::{Blending, Camera, Lanes, Projection, Settings, View};
@@ -162,12 +160,7 @@ pub(super) fn memory_of_pages(memory: u64) -> u64 {
 
 /// The lanes (all scan lines along one axis each) of a file and of its levels; missing ones are derived if memory allows.
 pub(super) struct BoundedLanes<'a> {
-    /// The lanes of the voxels, then those of each level.
-    lanes: Vec<LaneSet<'a>>,
-    level_facts: Vec<Facts>,
-    level_limits: Vec<LevelLimits>,
-    /// The function that the file was built with.
-    build_function: Option<TransferFunction>,
+    lanes: LaneSet<'a>,
     /// The limit of `--memory` in bytes, if the flag is given.
     memory: Option<u64>,
 }
@@ -176,16 +169,12 @@ impl<'a> BoundedLanes<'a> {
     /// Wraps `arena`, whose derived lanes may take `derived` bytes in all: no more than [`MemoryShares`] says, or without
     /// limit.
     pub(super) fn new(arena: Arena<'a>, memory: Option<u64>, derived: Option<u64>) -> BoundedLanes<'a> {
-        let arenas: Vec<Arena> = levels(&arena).map(|(_, arena)| arena).collect();
-        let level_facts = arenas[1..].iter().map(|level| level.facts().clone()).collect();
-        let (build_function, level_limits) = (stored_transfer(&arena), arena.level_limits().to_vec());
-        let lanes = arenas.into_iter().map(|arena| LaneSet::new(arena, derived)).collect();
-        BoundedLanes { lanes, level_facts, level_limits, build_function, memory }
+        BoundedLanes { lanes: LaneSet::with_levels(arena, derived), memory }
     }
 
     /// Returns the file's arena.
     pub(super) fn arena(&self) -> &Arena<'a> {
-        self.lanes[0].arena()
+        self.lanes.arena()
     }
 }
 
@@ -194,21 +183,12 @@ impl Lanes for BoundedLanes<'_> {
         self.lane_of(0, axis)
     }
 
-    fn levels(&self) -> &[Facts] {
-        &self.level_facts
-    }
-
-    fn level_limits(&self) -> &[LevelLimits] {
-        &self.level_limits
-    }
-
-    fn build_function(&self) -> Option<&TransferFunction> {
-        self.build_function.as_ref()
+    fn detail(&self) -> Detail<'_> {
+        self.lanes.detail()
     }
 
     fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {
-        let missing = || Error::input("level", format!("{level} is not in the file"));
-        self.lanes.get(level).ok_or_else(missing)?.lane(axis).map_err(|error| match (error, self.memory) {
+        self.lanes.lane_of(level, axis).map_err(|error| match (error, self.memory) {
             (Error::Limit { need, .. }, Some(memory)) => {
                 let why = format!(
                     "is {}, but this view needs the lane along {}, which the file does not store and which takes about {} to make; build the file with --lanes xyz, or give more",

@@ -100,7 +100,7 @@ impl OnDevice<'_> {
         settings: &mut Settings,
         fit: bool,
     ) -> Result<(Frame, FrameStats)> {
-        let coarsest = if fit { self.scene.lanes.levels().len() } else { 0 };
+        let coarsest = if fit { self.scene.lanes.detail().levels.len() } else { 0 };
         let mut tried = settings.clone();
         loop {
             let level = tried.level.unwrap_or(0);

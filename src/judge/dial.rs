@@ -157,7 +157,7 @@ fn coarsest_level(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Res
         return Ok(0);
     }
     let draft = settings.clone().with_quality(Quality::Draft);
-    let mut coarsest = scene.lanes.levels().len();
+    let mut coarsest = scene.lanes.detail().levels.len();
     for camera in cameras {
         let parts = level_parts(scene, camera, &draft)?;
         coarsest = parts.iter().map(|part| part.level).min().unwrap_or(0).min(coarsest);

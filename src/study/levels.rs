@@ -134,7 +134,7 @@ pub fn measure(
     clock: &dyn Fn() -> f64,
     go_on: GoOn,
 ) -> Result<Vec<LevelPictures>> {
-    let choices = Choice::all(model.scene().lanes.levels().len());
+    let choices = Choice::all(model.scene().lanes.detail().levels.len());
     let total = (PIXELS.len() * options.views) as u64;
     let mut all = Vec::new();
     for pixels in PIXELS {

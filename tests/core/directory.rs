@@ -272,7 +272,7 @@ fn levels_are_those_of_the_file_and_their_directories_come_first() {
     let directory = Arc::new(directory);
     let model = Model::from_directory(directory.clone(), Vec::new(), "ball.adj").unwrap();
     let in_memory = Model::from_bytes(whole.clone()).unwrap();
-    assert_eq!(model.scene().lanes.levels(), in_memory.scene().lanes.levels());
+    assert_eq!(model.scene().lanes.detail().levels, in_memory.scene().lanes.detail().levels);
     for level in 0..=2 {
         let part = directory.level(level).unwrap();
         for axis in Axis::ALL {

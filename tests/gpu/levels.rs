@@ -3,7 +3,7 @@
 //! Tolerance as in `pictures`: the same splats in the same order, up to rounding.
 
 use adjsplat::arena::layout::{Facts, LevelLimits};
-use adjsplat::arena::{Channels, Coverage, Lane, OwnedLane, Record, coarser};
+use adjsplat::arena::{Channels, Coverage, Detail, Lane, OwnedLane, Record, coarser};
 use adjsplat::build::Built;
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::Result;
@@ -34,12 +34,8 @@ impl Lanes for Levelled {
         self.lane_of(0, axis)
     }
 
-    fn levels(&self) -> &[Facts] {
-        &self.facts
-    }
-
-    fn level_limits(&self) -> &[LevelLimits] {
-        &self.limits
+    fn detail(&self) -> Detail<'_> {
+        Detail { levels: &self.facts, limits: &self.limits, build_function: None }
     }
 
     fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {

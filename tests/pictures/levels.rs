@@ -1,7 +1,7 @@
 //! Pictures of levels of detail, beside those of the voxels themselves.
 
-use adjsplat::arena::Lane;
-use adjsplat::arena::layout::{Facts, LevelLimits};
+use adjsplat::arena::layout::LevelLimits;
+use adjsplat::arena::{Detail, Lane};
 use adjsplat::classify::TransferFunction;
 use adjsplat::internals::{LevelPart, level_parts};
 use adjsplat::splat::{Camera, Code, Frame, Lanes, Mode, Projection, Quality, Scene, Settings};
@@ -55,7 +55,7 @@ fn the_plain_twin_and_all_machine_code_draw_the_same_bits_of_a_level() {
     let size = [46, 40];
     for (spacing, opacity) in [([1.0; 3], 0.6), ([1.0, 1.0, 2.2], 0.6), ([1.0; 3], 1.0)] {
         let model = model("gyroid", [48, 40, 44], spacing, 3, opacity);
-        assert_eq!(model.levels().len(), 3);
+        assert_eq!(model.detail().levels.len(), 3);
         for level in 1..=3 {
             for quality in [Quality::Draft, Quality::Standard, Quality::High] {
                 // Along an axis a lattice has a whole number of pixels a voxel, elsewhere any number.
@@ -253,12 +253,8 @@ impl Lanes for WithLimits<'_> {
         Lanes::lane(self.0, axis)
     }
 
-    fn levels(&self) -> &[Facts] {
-        self.0.levels()
-    }
-
-    fn level_limits(&self) -> &[LevelLimits] {
-        &self.1
+    fn detail(&self) -> Detail<'_> {
+        Detail { limits: &self.1, build_function: None, ..self.0.detail() }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The renderer on the processor, judged by closed forms, by its plain twin, and by itself with other threads.
 
-use adjsplat::arena::{Channels, Lane, Record, VisibleCodes};
+use adjsplat::arena::{Channels, Detail, Lane, Record, VisibleCodes};
 use adjsplat::build::Built;
 use adjsplat::classify::{Point, TransferFunction, normal};
 use adjsplat::internals::RecordSet;
@@ -291,8 +291,8 @@ impl Lanes for BuiltWith<'_> {
         self.0.lanes.lane(axis)
     }
 
-    fn build_function(&self) -> Option<&TransferFunction> {
-        Some(&self.1)
+    fn detail(&self) -> Detail<'_> {
+        Detail { build_function: Some(&self.1), ..Detail::default() }
     }
 }
 

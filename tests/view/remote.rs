@@ -245,7 +245,7 @@ fn coarse_levels_are_seen_first_and_each_lane_is_fetched_once() {
     let folder = tempfile::tempdir().unwrap();
     let path = file_with_levels(folder.path());
     let (whole, size) = (Model::open(&path).unwrap(), path.metadata().unwrap().len());
-    assert_eq!(whole.scene().lanes.levels().len(), 3);
+    assert_eq!(whole.scene().lanes.detail().levels.len(), 3);
     let remote = Memory::new(&path, Duration::from_millis(30)).remote();
     let (canvas, judge) = (Canvas::new(Some(remote.clone())), Canvas::default());
     // From where a draft draws level 1, and high quality the voxels.

@@ -35,7 +35,7 @@ pub use curve::TileOrder;
 pub use directory::{ChannelCheck, Directory, LanePart};
 pub use lane::{Elsewhere, Lane, LineEnds, LineSpan};
 pub use lane_rows::LaneRows;
-pub use lanes::LaneSet;
+pub use lanes::{Detail, LaneSet};
 pub use layout::{Channels, TileRecord};
 pub use levels::{CoarserRows, LevelLook, Levels, MOST_LEVELS, coarser};
 pub use open::Arena;

@@ -5,13 +5,14 @@
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::joined::JoinedRows;
 use super::levels::{limits_of_whole, rows_of};
 use super::manifest::{BrickEntry, Manifest, fingerprint};
-use crate::arena::lanes::DerivedLanes;
+use crate::arena::lanes::LevelLanes;
 use crate::arena::layout::{Channels, Facts, LevelLimits};
-use crate::arena::{Checked, Region, Rows};
+use crate::arena::{Checked, Detail, LaneSet, Region, Rows};
 use crate::build::Observer;
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
@@ -45,11 +46,8 @@ pub struct Brick {
     pub entry: BrickEntry,
     /// The brick's file, memory-mapped; `None` if it has no voxels, or a fault.
     pub file: Option<AdjFile>,
-    pub(super) derived: DerivedLanes,
-    /// The facts of the brick's levels, and their derived lanes; level 1 first.
-    pub(super) levels: Vec<(Facts, DerivedLanes)>,
-    /// Their limits.
-    pub(super) level_limits: Vec<LevelLimits>,
+    /// The derived lanes of the file and of its levels; `None` without a file.
+    lanes: Option<Arc<LevelLanes>>,
 }
 
 impl Collection {
@@ -70,6 +68,8 @@ impl Collection {
     pub fn open_with(path: impl AsRef<Path>, limits: &Limits) -> Result<Collection> {
         let path = path.as_ref().to_path_buf();
         let manifest = Manifest::read(&path, limits)?;
+        let description = manifest.description().as_bytes();
+        let build_function = TransferFunction::of_description(description, manifest.grid.mean_spacing());
         let (mut bricks, mut faults) = (Vec::new(), Vec::new());
         for entry in manifest.partitions.iter().flatten() {
             let facts = Facts {
@@ -79,22 +79,20 @@ impl Collection {
             };
             let content = Content { facts, levels: manifest.levels, fingerprint: entry.fingerprint.as_deref() };
             let opened = entry.file.as_ref().map(|name| opened(&path.join(name), &content, limits));
-            let derived = || DerivedLanes::new(limits.derived_bytes);
-            let with_levels = |file: Option<AdjFile>| {
-                let (mut levels, mut level_limits) = (Vec::new(), Vec::new());
-                if let Some(file) = &file {
-                    let arena = file.arena()?;
-                    let facts = (1..=manifest.levels).map_while(|number| Some(arena.level(number)?.facts().clone()));
-                    levels.extend(facts.map(|facts| (facts, derived())));
-                    level_limits.extend_from_slice(arena.level_limits());
-                }
-                Ok((file, levels, level_limits))
+            let with_lanes = |file: AdjFile| {
+                let arena = file.arena()?;
+                let level = |number| arena.level(number).filter(|_| number <= manifest.levels);
+                let lanes = LevelLanes::new(&arena, level, build_function.clone(), limits.derived_bytes);
+                Ok((file, Arc::new(lanes)))
             };
-            let (file, levels, level_limits) = opened.transpose().and_then(with_levels).unwrap_or_else(|fault| {
-                faults.push(fault);
-                (None, Vec::new(), Vec::new())
-            });
-            bricks.push(Brick { entry: entry.clone(), file, derived: derived(), levels, level_limits });
+            let opened = opened.map(|file| file.and_then(with_lanes)).transpose();
+            let (file, lanes) = opened
+                .unwrap_or_else(|fault| {
+                    faults.push(fault);
+                    None
+                })
+                .unzip();
+            bricks.push(Brick { entry: entry.clone(), file, lanes });
         }
         let preview = manifest.preview.as_ref().map(|entry| {
             let facts = entry.facts(&manifest.facts());
@@ -102,8 +100,6 @@ impl Collection {
             opened(&path.join(&entry.file), &content, limits)
         });
         let levels = manifest.levels().into_iter().map(|level| level.facts).collect();
-        let description = manifest.description().as_bytes();
-        let build_function = TransferFunction::of_description(description, manifest.grid.mean_spacing());
         let mut collection =
             Collection { path, manifest, bricks, preview, faults, levels, level_limits: Vec::new(), build_function };
         collection.sum_up_levels();
@@ -115,7 +111,7 @@ impl Collection {
         for brick in &mut self.bricks {
             if let Err(fault) = brick.check() {
                 self.faults.push(fault);
-                (brick.file, brick.levels) = (None, Vec::new());
+                (brick.file, brick.lanes) = (None, None);
             }
         }
         self.sum_up_levels();
@@ -124,11 +120,12 @@ impl Collection {
     /// Counts the visible voxels of the whole's levels, and finds their limits.
     fn sum_up_levels(&mut self) {
         for number in 0..self.levels.len() {
-            let of_bricks = self.once().iter().filter_map(|brick| brick.levels.get(number));
-            self.levels[number].visible_voxels = of_bricks.map(|(facts, _)| facts.visible_voxels).sum();
+            let of_bricks = self.once().iter().filter_map(|brick| brick.lanes.as_ref()?.levels.get(number));
+            self.levels[number].visible_voxels = of_bricks.map(|facts| facts.visible_voxels).sum();
         }
-        let bricks = self.once().iter().filter(|brick| !brick.levels.is_empty());
-        let bricks = bricks.map(|brick| (brick.entry.visible_voxels, &brick.level_limits[..]));
+        let with_lanes = self.once().iter().filter_map(|brick| Some((brick, brick.lanes.as_ref()?)));
+        let bricks = with_lanes.filter(|(_, lanes)| !lanes.levels.is_empty());
+        let bricks = bricks.map(|(brick, lanes)| (brick.entry.visible_voxels, &lanes.limits[..]));
         self.level_limits = limits_of_whole(self.levels.len(), bricks);
     }
 
@@ -171,11 +168,6 @@ impl Collection {
         &self.bricks[partitions.max_by_key(there).expect("there is a partition")]
     }
 
-    /// Returns the transfer function that the whole was built with; `None` if it stores none that can be read.
-    pub(super) fn build_function(&self) -> Option<&TransferFunction> {
-        self.build_function.as_ref()
-    }
-
     /// Returns the number of visible voxels in bricks without faults.
     pub(super) fn visible_voxels(&self) -> u64 {
         let usable = self.once().iter().filter(|brick| brick.file.is_some());
@@ -202,9 +194,10 @@ impl Collection {
         &self.levels
     }
 
-    /// Returns the limits of these levels: means of those of bricks; none if a brick does not say its own.
-    pub(super) fn level_limits(&self) -> &[LevelLimits] {
-        &self.level_limits
+    /// Returns the levels with their limits, which are means of those of bricks, and the function that the whole was built with.
+    pub(super) fn detail(&self) -> Detail<'_> {
+        let Collection { levels, level_limits: limits, build_function, .. } = self;
+        Detail { levels, limits, build_function: build_function.as_ref() }
     }
 
     /// Returns what is wrong with bricks, an error for each that names its file: missing, damaged, of another build.
@@ -351,6 +344,12 @@ impl Brick {
     /// [`Error::Format`] with the first broken rule.
     pub fn check(&self) -> Result<Option<Checked>> {
         self.file.as_ref().map(checked).transpose()
+    }
+
+    /// Returns the lanes of the brick's file and of its levels, stored or derived; `None` if it has no file.
+    pub(super) fn lanes(&self) -> Result<Option<LaneSet<'_>>> {
+        let Some((file, lanes)) = self.file.as_ref().zip(self.lanes.as_ref()) else { return Ok(None) };
+        Ok(Some(LaneSet::sharing(file.arena()?, lanes.clone())))
     }
 }
 

@@ -9,8 +9,7 @@ use zerocopy::byteorder::little_endian::F32;
 use super::Partition;
 use crate::arena::layout::{Facts, LevelLimits};
 use crate::arena::levels::level_facts;
-use crate::arena::{Arena, Lane, LaneRows, Levels, MOST_LEVELS, Region, Rows};
-use crate::classify::TransferFunction;
+use crate::arena::{Arena, Detail, Lane, LaneRows, Levels, MOST_LEVELS, Region, Rows};
 use crate::error::{Error, Result};
 use crate::splat::Lanes;
 use crate::volume::Axis;
@@ -147,27 +146,15 @@ pub(super) fn limits_of_whole<'a>(
 }
 
 /// The levels of the whole, whose lanes nobody has: enough to choose a level by.
-pub(super) struct WholeLevels<'a> {
-    pub(super) facts: &'a [Facts],
-    pub(super) limits: &'a [LevelLimits],
-    pub(super) function: Option<&'a TransferFunction>,
-}
+pub(super) struct WholeLevels<'a>(pub(super) Detail<'a>);
 
 impl Lanes for WholeLevels<'_> {
     fn lane(&self, _axis: Axis) -> Result<Lane<'_>> {
         Err(Error::input("lane", "of the whole is in its bricks"))
     }
 
-    fn levels(&self) -> &[Facts] {
-        self.facts
-    }
-
-    fn level_limits(&self) -> &[LevelLimits] {
-        self.limits
-    }
-
-    fn build_function(&self) -> Option<&TransferFunction> {
-        self.function
+    fn detail(&self) -> Detail<'_> {
+        self.0
     }
 }
 

@@ -6,17 +6,17 @@
 
 use std::collections::BTreeSet;
 
+use super::Collection;
 use super::levels::WholeLevels;
-use super::{Brick, Collection};
-use crate::arena::layout::{Facts, LevelLimits};
-use crate::arena::{Arena, Lane};
+use crate::arena::Detail;
+use crate::arena::layout::Facts;
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::splat::camera::Projection;
 use crate::splat::camera::ToCamera;
 use crate::splat::levels::level_parts;
 use crate::splat::setup::walk_order;
-use crate::splat::{Camera, Frame, Lanes, Mode, Outline, Scene, Settings, Stats, View, cpu};
+use crate::splat::{Camera, Frame, Mode, Outline, Scene, Settings, Stats, View, cpu};
 use crate::traverse::VoxelBox;
 use crate::volume::Axis;
 
@@ -74,10 +74,9 @@ impl Collection {
         settings: &Settings,
     ) -> Result<Option<(Frame, Stats)>> {
         let brick = &self.bricks()[index];
-        let Some(file) = &brick.file else { return Ok(None) };
         let Some(crop) = cropped(settings.crop, brick.entry.low, brick.entry.size) else { return Ok(None) };
-        let lanes = BrickLanes::new(brick, file.arena()?, self.build_function());
-        let scene = Scene { facts: lanes.arena.facts(), lanes: &lanes, transfer };
+        let Some(lanes) = brick.lanes()? else { return Ok(None) };
+        let scene = Scene { facts: lanes.arena().facts(), lanes: &lanes, transfer };
         let level = self.level(transfer, camera, settings)?;
         let settings = Settings { crop, level, ..settings.clone() };
         cpu::render(&scene, camera, &settings).map(Some)
@@ -86,9 +85,7 @@ impl Collection {
     /// Returns the level of detail that all bricks are drawn from; `None` if each is drawn from the levels that suit its distance
     /// from the eye, as in perspective.
     fn level(&self, transfer: &TransferFunction, camera: &Camera, settings: &Settings) -> Result<Option<usize>> {
-        let (facts, limits) = (self.levels(), self.level_limits());
-        let whole = WholeLevels { facts, limits, function: self.build_function() };
-        let scene = Scene { facts: &self.manifest().facts(), lanes: &whole, transfer };
+        let scene = Scene { facts: &self.manifest().facts(), lanes: &WholeLevels(self.detail()), transfer };
         if let Some(level) = settings.level {
             if level > self.levels().len() {
                 let why = format!("is {level}, but the collection has levels 0 to {}", self.levels().len());
@@ -110,8 +107,7 @@ impl Collection {
     pub fn levels_needed(&self, transfer: &TransferFunction, cameras: &[Camera], settings: &Settings) -> Result<usize> {
         let facts = Facts { visible_voxels: self.visible_voxels(), ..self.manifest().facts() };
         let parts = |camera: &Camera, count: usize| {
-            let limits = self.level_limits();
-            let lanes = WholeLevels { facts: &self.levels()[..count], limits, function: self.build_function() };
+            let lanes = WholeLevels(Detail { levels: &self.levels()[..count], ..self.detail() });
             level_parts(&Scene { facts: &facts, lanes: &lanes, transfer }, camera, settings)
         };
         let mut needed = 0;
@@ -141,10 +137,9 @@ impl Collection {
         let mut drawn = BTreeSet::new();
         for index in self.front_to_back(camera, settings)? {
             let brick = &self.bricks()[index];
-            let crop = cropped(settings.crop, brick.entry.low, brick.entry.size);
-            let (Some(file), Some(crop)) = (&brick.file, crop) else { continue };
-            let lanes = BrickLanes::new(brick, file.arena()?, self.build_function());
-            let scene = Scene { facts: lanes.arena.facts(), lanes: &lanes, transfer };
+            let Some(crop) = cropped(settings.crop, brick.entry.low, brick.entry.size) else { continue };
+            let Some(lanes) = brick.lanes()? else { continue };
+            let scene = Scene { facts: lanes.arena().facts(), lanes: &lanes, transfer };
             let parts = level_parts(&scene, camera, &Settings { crop, level, ..settings.clone() })?;
             drawn.extend(parts.into_iter().map(|part| part.level));
         }
@@ -193,48 +188,6 @@ impl Collection {
             all.add(&stats);
         }
         Ok((picture, all))
-    }
-}
-
-/// The lanes of a brick with a file and of its levels, stored or derived.
-struct BrickLanes<'a> {
-    brick: &'a Brick,
-    arena: Arena<'a>,
-    levels: Vec<Facts>,
-    build_function: Option<&'a TransferFunction>,
-}
-
-impl<'a> BrickLanes<'a> {
-    fn new(brick: &'a Brick, arena: Arena<'a>, build_function: Option<&'a TransferFunction>) -> BrickLanes<'a> {
-        let levels = brick.levels.iter().map(|(facts, _)| facts.clone()).collect();
-        BrickLanes { brick, arena, levels, build_function }
-    }
-}
-
-impl Lanes for BrickLanes<'_> {
-    fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
-        self.brick.derived.lane(&self.arena, axis)
-    }
-
-    fn levels(&self) -> &[Facts] {
-        &self.levels
-    }
-
-    fn level_limits(&self) -> &[LevelLimits] {
-        &self.brick.level_limits
-    }
-
-    fn build_function(&self) -> Option<&TransferFunction> {
-        self.build_function
-    }
-
-    fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {
-        let Some(below) = level.checked_sub(1) else { return self.lane(axis) };
-        let arena = u8::try_from(level).ok().and_then(|level| self.arena.level(level));
-        match (arena, self.brick.levels.get(below)) {
-            (Some(arena), Some((_, derived))) => derived.lane(&arena, axis),
-            _ => Err(Error::input("level", format!("{level} is not in the brick"))),
-        }
     }
 }
 

@@ -14,9 +14,9 @@ pub use build::Build;
 pub use transfer::{drawable, missing_values, stored_transfer};
 pub use voxels::{ModelVoxel, Voxels};
 
-use crate::arena::lanes::DerivedLanes;
-use crate::arena::layout::{Facts, LevelLimits};
-use crate::arena::{Arena, CodeCounts, Directory, Lane, MOST_LEVELS};
+use crate::arena::lanes::LevelLanes;
+use crate::arena::layout::Facts;
+use crate::arena::{Arena, CodeCounts, Detail, Directory, Lane};
 use crate::build::Unobserved;
 use crate::classify::TransferFunction;
 use crate::collection::Collection;
@@ -44,13 +44,7 @@ pub struct Model {
 struct Stored {
     bytes: Bytes,
     facts: Facts,
-    derived: DerivedLanes,
-    /// The facts of the coarser levels of detail, their derived lanes, and their limits; level 1 first.
-    level_facts: Vec<Facts>,
-    level_lanes: Vec<DerivedLanes>,
-    level_limits: Vec<LevelLimits>,
-    /// The function that the file was built with.
-    build_function: TransferFunction,
+    lanes: LevelLanes,
 }
 
 #[derive(Debug)]
@@ -70,15 +64,11 @@ impl Bytes {
         }
     }
 
-    /// Returns the arena of a coarser level; `None` if there is no such level.
-    fn level(&self, level: u8) -> Option<Arena<'_>> {
-        match self {
-            Bytes::Elsewhere(directory, codes) => {
-                let level = usize::from(level);
-                Some(directory.level(level)?.arena(codes.get(level)?))
-            }
-            _ => self.arena().ok()?.level(level),
-        }
+    /// Returns the arena of a level; `None` if there is no such level.
+    fn level(&self, level: u8) -> Result<Option<Arena<'_>>> {
+        let Bytes::Elsewhere(directory, codes) = self else { return Ok(self.arena()?.level(level)) };
+        let codes = codes.get(usize::from(level));
+        Ok(directory.level(level.into()).zip(codes).map(|(directory, codes)| directory.arena(codes)))
     }
 }
 
@@ -104,11 +94,10 @@ impl Model {
             collection.require_all()?;
             let threads = std::thread::available_parallelism().map_or(1, usize::from);
             let bytes = collection.joined_bytes(usize::MAX, limits.derived_bytes, threads, &mut Unobserved)?;
-            return Model::new(Bytes::InMemory(bytes), DerivedLanes::new(limits.derived_bytes), path.as_ref());
+            return Model::new(Bytes::InMemory(bytes), limits.derived_bytes, path.as_ref());
         }
         let file = AdjFile::open_with(path.as_ref(), limits)?;
-        let derived = DerivedLanes::new(limits.derived_bytes);
-        Model::new(Bytes::Mapped(file), derived, path.as_ref())
+        Model::new(Bytes::Mapped(file), limits.derived_bytes, path.as_ref())
     }
 
     /// Creates a model from the bytes of an `.adj` file.
@@ -116,7 +105,7 @@ impl Model {
     /// # Errors
     /// [`Error::Format`] if they are no `.adj` file; [`Error::Input`] if they store no readable transfer function.
     pub fn from_bytes(bytes: Vec<u8>) -> Result<Model> {
-        Model::new(Bytes::InMemory(bytes), DerivedLanes::new(u64::MAX), "memory".as_ref())
+        Model::new(Bytes::InMemory(bytes), u64::MAX, "memory".as_ref())
     }
 
     /// Creates a model of a file of which only the directory is in memory; `codes` counts the voxels of each level of detail that
@@ -129,21 +118,19 @@ impl Model {
     /// [`Error::Input`], which names the file as `name`, if it stores no readable transfer function.
     pub fn from_directory(directory: Arc<Directory>, mut codes: Vec<CodeCounts>, name: &str) -> Result<Model> {
         codes.resize(directory.level_count() + 1, CodeCounts::default());
-        Model::new(Bytes::Elsewhere(directory, codes), DerivedLanes::new(0), name.as_ref())
+        Model::new(Bytes::Elsewhere(directory, codes), 0, name.as_ref())
     }
 
-    fn new(bytes: Bytes, derived: DerivedLanes, path: &Path) -> Result<Model> {
+    /// Derived lanes of each level may take `derived_bytes` in all.
+    fn new(bytes: Bytes, derived_bytes: u64, path: &Path) -> Result<Model> {
         let arena = bytes.arena()?;
         let transfer = stored_transfer(&arena).ok_or_else(|| {
             Error::input(path.display().to_string(), "stores no transfer function that this library reads")
         })?;
         let facts = arena.facts().clone();
-        let level_facts: Vec<Facts> =
-            (1..=MOST_LEVELS).map_while(|level| bytes.level(level).map(|level| level.facts().clone())).collect();
-        let level_lanes = level_facts.iter().map(|_| DerivedLanes::new(derived.memory())).collect();
-        let (build_function, level_limits) = (transfer.clone(), arena.level_limits().to_vec());
-        let stored = Stored { bytes, facts, derived, level_facts, level_lanes, level_limits, build_function };
-        Ok(Model { stored: Arc::new(stored), transfer: Arc::new(transfer) })
+        let level = |level| bytes.level(level).ok().flatten();
+        let lanes = LevelLanes::new(&arena, level, Some(transfer.clone()), derived_bytes);
+        Ok(Model { stored: Arc::new(Stored { bytes, facts, lanes }), transfer: Arc::new(transfer) })
     }
 
     /// Returns the same voxels, drawn with another transfer function.
@@ -285,27 +272,14 @@ impl Model {
 
 impl Lanes for Model {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
-        self.stored.derived.lane(&self.arena()?, axis)
+        self.lane_of(0, axis)
     }
 
-    fn levels(&self) -> &[Facts] {
-        &self.stored.level_facts
-    }
-
-    fn level_limits(&self) -> &[LevelLimits] {
-        &self.stored.level_limits
-    }
-
-    fn build_function(&self) -> Option<&TransferFunction> {
-        Some(&self.stored.build_function)
+    fn detail(&self) -> Detail<'_> {
+        self.stored.lanes.detail()
     }
 
     fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {
-        let Some(below) = level.checked_sub(1) else { return self.lane(axis) };
-        let arena = u8::try_from(level).ok().and_then(|level| self.stored.bytes.level(level));
-        match (arena, self.stored.level_lanes.get(below)) {
-            (Some(arena), Some(derived)) => derived.lane(&arena, axis),
-            _ => Err(Error::input("level", format!("{level} is not in the file"))),
-        }
+        self.stored.lanes.lane(level, axis, |level| self.stored.bytes.level(level))
     }
 }

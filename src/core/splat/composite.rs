@@ -173,7 +173,7 @@ impl<'a> Table<'a> {
     /// 16-bit values with magnitudes, whose pairs would take a large table.
     fn shown_codes(&self, lane: &Lane) -> Option<VisibleCodes> {
         let Scene { facts, lanes, transfer } = self.scene;
-        let build = lanes.build_function().filter(|build| *build != transfer)?;
+        let build = lanes.detail().build_function.filter(|build| *build != transfer)?;
         let by_magnitude = self.key != LookKey::Value || lane.shown.is_some_and(VisibleCodes::by_magnitude);
         let shows = |value, magnitude| self.look(value, magnitude)[3] > 0.0;
         let is_built = |value, magnitude| {

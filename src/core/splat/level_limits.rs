@@ -11,9 +11,8 @@ use super::camera::{Projection, ToCamera};
 use super::levels::{WORTHWHILE, factors, facts_of, level_order, level_settings};
 use super::supersample::{SMALL_STRIP_SAMPLES, STRIP_SAMPLES, Supersampling};
 use super::{Camera, Frame, Lanes, Orbit, Outline, Quality, Scene, Settings, cpu};
-use crate::arena::layout::{Facts, LevelLimits};
-use crate::arena::{Arena, Lane};
-use crate::classify::TransferFunction;
+use crate::arena::layout::LevelLimits;
+use crate::arena::{Arena, LaneSet};
 use crate::error::{Error, Result};
 use crate::traverse::VoxelBox;
 use crate::volume::Axis;
@@ -67,11 +66,10 @@ pub(crate) fn measure(
     threads: usize,
     progress: &mut dyn FnMut(u64, u64) -> Result<()>,
 ) -> Result<Vec<LevelLimits>> {
-    let levels: Vec<Arena> = (0..=arena.level_count()).filter_map(|level| arena.level(level)).collect();
-    let facts: Vec<Facts> = levels[1..].iter().map(|level| level.facts().clone()).collect();
-    let mut limits = vec![LevelLimits::default(); facts.len()];
-    let function = TransferFunction::of_description(arena.description(), arena.facts().grid.mean_spacing());
+    let lanes = LaneSet::with_levels(arena.clone(), Some(0));
+    let mut limits = vec![LevelLimits::default(); lanes.detail().levels.len()];
     let has_magnitudes = arena.facts().channels.magnitude_bits > 0;
+    let function = lanes.detail().build_function;
     let Some(transfer) = function.filter(|function| has_magnitudes || !function.uses_gradient()) else {
         return Ok(limits);
     };
@@ -79,8 +77,7 @@ pub(crate) fn measure(
     let strip_samples = if has_little { SMALL_STRIP_SAMPLES } else { STRIP_SAMPLES };
     let threads = if has_little { 1 } else { threads.max(1) };
     let resources = Settings { strip_samples, ..Settings::new([1; 2]).with_threads(threads) };
-    let lanes = StoredLanes { levels, facts };
-    let scene = Scene { facts: arena.facts(), lanes: &lanes, transfer: &transfer };
+    let scene = Scene { facts: arena.facts(), lanes: &lanes, transfer };
     let mut searches: Vec<Search> = (1..=limits.len()).flat_map(|level| Search::of_level(&scene, level)).collect();
     for number in 0..DIRECTIONS.len() {
         let mut go_on = || progress(number as u64, DIRECTIONS.len() as u64);
@@ -96,29 +93,6 @@ pub(crate) fn measure(
         *limit = F32::new(search.limit());
     }
     Ok(limits)
-}
-
-/// The lanes that an arena and its levels store.
-struct StoredLanes<'a> {
-    /// The arena itself, then its levels.
-    levels: Vec<Arena<'a>>,
-    /// The facts of the levels, level 1 first.
-    facts: Vec<Facts>,
-}
-
-impl Lanes for StoredLanes<'_> {
-    fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
-        self.lane_of(0, axis)
-    }
-
-    fn levels(&self) -> &[Facts] {
-        &self.facts
-    }
-
-    fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {
-        let lane = self.levels.get(level).and_then(|level| level.lane(axis));
-        lane.ok_or_else(|| Error::input("lane", format!("along {} is not stored", axis.name())))
-    }
 }
 
 /// The voxels from one direction.
@@ -155,7 +129,7 @@ impl Direction {
 fn part(scene: &Scene, place: [f64; 3]) -> Option<VoxelBox> {
     let grid = &scene.facts.grid;
     let (low, high) = scene.lanes.lane(Axis::X).ok()?.bounds()?;
-    let blocks = scene.lanes.levels().last().map_or([1; 3], |level| factors(grid, &level.grid));
+    let blocks = scene.lanes.detail().levels.last().map_or([1; 3], |level| factors(grid, &level.grid));
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65,535")]
     let side = |a: usize| {
         let centre = (f64::from(low[a]) + place[a] * f64::from(high[a].saturating_sub(low[a]))) as u32;
@@ -273,7 +247,7 @@ struct Search {
 impl Search {
     /// Returns the searches for a level; none if it is never drawn.
     fn of_level(scene: &Scene, level: usize) -> Vec<Search> {
-        let facts = &scene.lanes.levels()[level - 1];
+        let facts = &scene.lanes.detail().levels[level - 1];
         let longest = facts.grid.spacing.into_iter().fold(0.0, f64::max);
         let edge = longest / scene.facts.grid.mean_spacing();
         let sizes = FACTORS.into_iter().map(|factor| (factor, edge / f64::from(factor)));

@@ -15,9 +15,9 @@ use super::block_kernel::Blocks;
 use super::kernel::Quality;
 use super::view::PixelMap;
 use super::{Blending, Camera, Lanes, Mode, Scene, Settings, View};
-use crate::arena::Lane;
 use crate::arena::layout::Facts;
 use crate::arena::visible::are_alike;
+use crate::arena::{Detail, Lane};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::traverse::{Order, Viewpoint, VoxelBox};
@@ -66,8 +66,10 @@ impl Lanes for LevelScene<'_> {
         self.lanes.lane_of(self.level, axis)
     }
 
-    fn build_function(&self) -> Option<&TransferFunction> {
-        if self.is_as_built { Some(&self.transfer) } else { self.lanes.build_function() }
+    fn detail(&self) -> Detail<'_> {
+        let build_function = self.lanes.detail().build_function;
+        let build_function = if self.is_as_built { Some(&self.transfer) } else { build_function };
+        Detail { build_function, ..Detail::default() }
     }
 }
 
@@ -80,7 +82,7 @@ impl LevelPart {
         let length = scene.facts.grid.mean_spacing();
         let reference = scene.transfer.reference_length().unwrap_or(length);
         let transfer = scene.transfer.clone().with_voxel_length(length)?.with_reference_length(reference)?;
-        let is_as_built = scene.lanes.build_function() == Some(scene.transfer);
+        let is_as_built = scene.lanes.detail().build_function == Some(scene.transfer);
         Ok(LevelScene {
             facts: facts_of(scene, self.level),
             lanes: scene.lanes,
@@ -104,7 +106,7 @@ pub fn level_settings(settings: &Settings, grid: &Grid, level: &Grid) -> Setting
 
 /// Returns the most pixels that the longest edge of a voxel of `level` may have; 0 if the level is never drawn.
 fn most_pixels(scene: &Scene, level: usize, quality: Quality) -> f64 {
-    let limits = scene.lanes.level_limits();
+    let limits = scene.lanes.detail().limits;
     let pixels = match (level.checked_sub(1), quality) {
         (None, _) => return f64::INFINITY,
         (Some(below), Quality::Draft) => limits.get(below).map_or(UNMEASURED, |limits| limits.draft.get().into()),
@@ -123,12 +125,12 @@ fn share(scene: &Scene, level: usize) -> f64 {
 /// Returns whether the levels fit the function that the scene is drawn with: their voxels are as opaque as the blocks that they stand
 /// for if opacities are those of the build. A T1 head, built from 100 up and drawn from 180 up, had 22 dB at level 1.
 fn fit(scene: &Scene) -> bool {
-    scene.lanes.build_function().is_none_or(|own| are_alike(own, scene.transfer, scene.facts))
+    scene.lanes.detail().build_function.is_none_or(|own| are_alike(own, scene.transfer, scene.facts))
 }
 
 /// Returns the facts of a level, which the scene has.
 pub(crate) fn facts_of<'a>(scene: &Scene<'a>, level: usize) -> &'a Facts {
-    level.checked_sub(1).map_or(scene.facts, |below| &scene.lanes.levels()[below])
+    level.checked_sub(1).map_or(scene.facts, |below| &scene.lanes.detail().levels[below])
 }
 
 /// Returns the order in which a view visits the voxels of a level.
@@ -136,7 +138,7 @@ pub(crate) fn facts_of<'a>(scene: &Scene<'a>, level: usize) -> &'a Facts {
 /// # Errors
 /// The errors of [`View::new`]; [`Error::Input`] if there is no such level.
 pub fn level_order(scene: &Scene, level: usize, camera: &Camera, settings: &Settings) -> Result<Order> {
-    if level > scene.lanes.levels().len() {
+    if level > scene.lanes.detail().levels.len() {
         return Err(Error::input("level", format!("{level} is not in the file")));
     }
     let grid = &facts_of(scene, level).grid;
@@ -163,7 +165,7 @@ pub fn drawn_levels(scene: &Scene, camera: &Camera, settings: &Settings) -> Resu
 /// # Errors
 /// [`Error::Input`] if `settings` ask for a level that the scene does not have; the errors of [`View::new`].
 pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<Vec<LevelPart>> {
-    let levels = scene.lanes.levels().len();
+    let levels = scene.lanes.detail().levels.len();
     if let Some(level) = settings.level {
         let why = || format!("is {level}, but the file has levels 0 to {levels}");
         return match level {

@@ -34,8 +34,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use serde::{Deserialize, Serialize};
 
 use self::block_kernel::Blocks;
-use crate::arena::layout::{Facts, LevelLimits};
-use crate::arena::{Lane, LaneSet, Overlay, OwnedLane};
+use crate::arena::layout::Facts;
+use crate::arena::{Detail, Lane, LaneSet, Overlay, OwnedLane};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::traverse::{Order, Sense, SplitForm, VoxelBox};
@@ -58,19 +58,9 @@ pub trait Lanes: Sync {
     /// [`Error`] if the lane is missing and cannot be derived.
     fn lane(&self, axis: Axis) -> Result<Lane<'_>>;
 
-    /// Returns the facts of the coarser levels of detail, level 1 first; none by default.
-    fn levels(&self) -> &[Facts] {
-        &[]
-    }
-
-    /// Returns the limits of these levels, level 1 first; none by default, if they are not known.
-    fn level_limits(&self) -> &[LevelLimits] {
-        &[]
-    }
-
-    /// Returns the transfer function with which the voxels and levels were built; `None` if there is none or it is not known.
-    fn build_function(&self) -> Option<&TransferFunction> {
-        None
+    /// Returns the coarser levels of detail, and what they were built with; none by default.
+    fn detail(&self) -> Detail<'_> {
+        Detail::default()
     }
 
     /// Returns the lane of `level` along `axis`; level 0 has the voxels themselves.
@@ -92,6 +82,14 @@ impl Lanes for Vec<OwnedLane> {
 impl Lanes for LaneSet<'_> {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
         self.lane(axis)
+    }
+
+    fn detail(&self) -> Detail<'_> {
+        self.levels().detail()
+    }
+
+    fn lane_of(&self, level: usize, axis: Axis) -> Result<Lane<'_>> {
+        self.levels().lane(level, axis, |level| Ok(self.arena().level(level)))
     }
 }
 

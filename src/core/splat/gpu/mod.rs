@@ -446,7 +446,7 @@ impl<'a> GpuRenderer<'a> {
         let table_bytes = LookTables::max_bytes(lane, uses_gradient);
         let (ceiling, max_binding) = (self.resident.options.vram, self.resident.context.max_binding());
         // That of all levels, so that lists last while views change between levels.
-        let all_facts = std::iter::once(self.scene.facts).chain(self.scene.lanes.levels());
+        let all_facts = std::iter::once(self.scene.facts).chain(self.scene.lanes.detail().levels);
         let widest = all_facts.flat_map(|facts| facts.channels.widths()).max().unwrap_or(1) as u64;
         let (is_software, has_tiles) = (self.resident.is_software, self.resident.current == Compositor::Tiles);
         MemoryPlan::new(ceiling, max_binding, settings.size, table_bytes, widest, is_software, has_tiles)
