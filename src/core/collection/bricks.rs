@@ -16,9 +16,7 @@ use crate::arena::{Checked, Detail, LaneSet, Region, Rows};
 use crate::build::Observer;
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
-use crate::file::{
-    AdjFile, GivenLevels, RowsOutput, bytes_of_rows_and_levels, open_rows_and_levels, write_rows_and_levels,
-};
+use crate::file::{AdjFile, GivenLevels, RowsOutput, bytes_of_rows, open_rows_and_levels, write_rows_and_levels};
 use crate::limits::Limits;
 use crate::volume::Grid;
 use crate::volume::source::obtainable;
@@ -284,7 +282,7 @@ impl Collection {
         }
         let facts = Facts { visible_voxels, ..self.manifest.facts() };
         let output = RowsOutput { facts, threads, ..self.output() };
-        bytes_of_rows_and_levels(&rows, &self.levels_to_draw(levels)?, &output, observer)
+        bytes_of_rows(&rows, Some(&self.levels_to_draw(levels)?), &output, observer)
     }
 
     /// Joins the bricks like [`Collection::join`], but with no more than `levels` coarser levels of detail, and to a file without
@@ -301,7 +299,7 @@ impl Collection {
         observer: &mut dyn Observer,
     ) -> Result<AdjFile> {
         let output = RowsOutput { memory, threads, ..self.output() };
-        open_rows_and_levels(folder, &self.rows()?, &self.levels_to_draw(levels)?, &output, observer)
+        open_rows_and_levels(folder, &self.rows()?, Some(&self.levels_to_draw(levels)?), &output, observer)
     }
 
     /// Joins the bricks to an `.adj` file at `path`, with bounded memory; returns its header facts and length in bytes. Pages of
@@ -321,7 +319,7 @@ impl Collection {
     ) -> Result<(Facts, u64)> {
         let output = RowsOutput { memory, threads, ..self.output() };
         let levels = GivenLevels { rows: self.level_rows(usize::MAX)?, limits: None };
-        write_rows_and_levels(path, &self.rows()?, &levels, &output, observer)
+        write_rows_and_levels(path, &self.rows()?, Some(&levels), &output, observer)
     }
 
     /// Returns what the joined file holds beside the voxels, to be written by one thread.

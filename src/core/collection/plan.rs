@@ -397,7 +397,7 @@ impl Plan {
             let levels = self.options.levels;
             let output = RowsOutput { facts, description: &whole, lane_count: 1, levels, ..output.clone() };
             let rows = RowsWithin { rows: &all_rows, within: around };
-            files = levels_in_files(folder, &rows, &output, observer)?;
+            files = levels_in_files(folder, &rows, None, &output, observer)?;
         }
         let mut of_levels = Vec::new();
         for (level, file) in levels.iter().zip(&files) {

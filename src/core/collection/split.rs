@@ -113,7 +113,7 @@ impl BrickPlace {
         if voxels == 0 {
             return remove_if_there(&path);
         }
-        write_rows_and_levels(&path, rows, levels, output, observer).map(|_| ())
+        write_rows_and_levels(&path, rows, Some(levels), output, observer).map(|_| ())
     }
 
     /// Returns the entry of the brick that was written into `folder`; one without voxels if there is none. `whole` are the facts

@@ -3,13 +3,11 @@
 //! In: rows of voxels. Out: levels, each a complete `.adj` file, in memory or in a file without a name. Of each level the
 //! lane along x is written first: the other lanes, and the next level, are made from that.
 
-use std::fs::File;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use super::atomic_temporary::unnamed;
 use super::map::AdjFile;
-use super::write::{RowsOutput, arena_bytes, facts_of_rows, write_rows_to};
+use super::write::{GivenLevels, RowsOutput, arena_bytes, facts_of_rows, open_rows};
 use crate::arena::layout::Facts;
 use crate::arena::levels::level_facts;
 use crate::arena::pager::IN_FLIGHT;
@@ -17,7 +15,6 @@ use crate::arena::{Arena, CoarserRows, LaneRows, LevelLook, Levels, Region, Rows
 use crate::build::builder::lanes_of;
 use crate::build::progress::{Observer, Phase};
 use crate::error::{Error, Result};
-use crate::limits::Limits;
 use crate::volume::Axis;
 
 /// The description of a level: it has no facts of its own.
@@ -46,13 +43,17 @@ impl Made for AdjFile {
 /// Writes rows as a level with the given facts and number of lanes.
 type Write<'a, M> = &'a mut dyn FnMut(&dyn Rows, &Facts, u8, &mut dyn Observer) -> Result<M>;
 
-/// Returns the `wanted` levels of `rows`, from level 1 on, with `lane_count` lanes each.
+/// Returns the levels that are `given`, or else the wanted levels of `rows`, from level 1 on, with `output.lane_count` lanes each.
 fn levels<M: Made>(
     rows: &dyn Rows,
+    given: Option<&GivenLevels>,
     output: &RowsOutput,
     observer: &mut dyn Observer,
     write: Write<M>,
 ) -> Result<Vec<M>> {
+    if let Some(given) = given {
+        return written(given, output, observer, write);
+    }
     let (wanted, look) = (output.levels, LevelLook::new(output.description.as_bytes(), &output.facts));
     let mut facts = output.facts.clone();
     if wanted == Levels::Auto {
@@ -91,20 +92,24 @@ fn with_rows<M: Made>(level: Option<&M>, rows: &dyn Rows, make: impl FnOnce(&dyn
     make(&LaneRows::new(lane, |_, _, record| Some(record)))
 }
 
-/// Returns the levels of a file of `rows`, each in a file without a name in `folder`.
+/// Returns the levels of a file of `rows`, those that are `given` or new ones, each in a file without a name in `folder`.
 pub(crate) fn levels_in_files(
     folder: &Path,
     rows: &dyn Rows,
+    given: Option<&GivenLevels>,
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<Vec<AdjFile>> {
     let limit = most_resident(output);
-    let held = limit.map_or(0, |limit| limit + output.threads.max(1) as u64 * IN_FLIGHT);
+    // No level is made from one that is given.
+    let held = limit.filter(|_| given.is_none()).map_or(0, |limit| limit + output.threads.max(1) as u64 * IN_FLIGHT);
     let memory = output.memory.map(|memory| memory.saturating_sub(held));
     let write = &mut |rows: &dyn Rows, facts: &Facts, lane_count: u8, observer: &mut dyn Observer| {
-        bounded(in_file(folder, rows, facts, &RowsOutput { lane_count, memory, ..output.clone() }, observer)?, limit)
+        let (facts, levels) = (facts.clone(), Levels::default());
+        let output = RowsOutput { facts, description: DESCRIPTION, lane_count, memory, levels, ..output.clone() };
+        bounded(open_rows(folder, rows, &output, observer)?, limit)
     };
-    levels(rows, output, observer, write)
+    levels(rows, given, output, observer, write)
 }
 
 /// Returns the most bytes of a level's file that may be resident; `None` for no limit.
@@ -120,86 +125,37 @@ pub(super) fn bounded(level: AdjFile, limit: Option<u64>) -> Result<AdjFile> {
     }
 }
 
-/// Writes `rows` as a level to a file without a name in `folder`.
-fn in_file(
-    folder: &Path,
-    rows: &dyn Rows,
-    facts: &Facts,
-    output: &RowsOutput,
-    observer: &mut dyn Observer,
-) -> Result<AdjFile> {
-    let file: File = unnamed(folder)?;
-    let (facts, levels) = (facts.clone(), Levels::default());
-    let output = RowsOutput { facts, description: DESCRIPTION, levels, ..output.clone() };
-    write_rows_to(&file, folder, folder, rows, &output, observer)?;
-    AdjFile::of(&file, folder, &Limits::default())
-}
-
-/// Returns the bytes of the levels of a file of `rows`.
+/// Returns the bytes of the levels of a file of `rows`, those that are `given` or new ones.
 pub(super) fn levels_in_memory(
     rows: &dyn Rows,
+    given: Option<&GivenLevels>,
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<Vec<Vec<u8>>> {
     let write = &mut |rows: &dyn Rows, facts: &Facts, lane_count: u8, observer: &mut dyn Observer| {
-        in_memory(rows, facts, lane_count, output.threads, observer)
+        let lanes = lanes_of(rows, facts, lane_count, output.threads, observer)?;
+        let facts = facts_of_rows(facts, rows);
+        let visible_voxels = lanes[0].steps.iter().filter(|&&step| step != 0).count() as u64;
+        Ok(arena_bytes(&Facts { visible_voxels, ..facts }, &lanes, DESCRIPTION))
     };
-    levels(rows, output, observer, write)
+    levels(rows, given, output, observer, write)
 }
 
-/// Returns the bytes of `rows` as a level.
-fn in_memory(
-    rows: &dyn Rows,
-    facts: &Facts,
-    lane_count: u8,
-    threads: usize,
-    observer: &mut dyn Observer,
-) -> Result<Vec<u8>> {
-    let lanes = lanes_of(rows, facts, lane_count, threads, observer)?;
-    let facts = facts_of_rows(facts, rows);
-    let visible_voxels = lanes[0].steps.iter().filter(|&&step| step != 0).count() as u64;
-    Ok(arena_bytes(&Facts { visible_voxels, ..facts }, &lanes, DESCRIPTION))
-}
-
-/// Returns levels that are there already, from level 1 on, as files without a name in `folder`.
-pub(super) fn given_levels_in_files(
-    folder: &Path,
-    levels: &[Box<dyn Rows + '_>],
+/// Writes levels that are `given`, from level 1 on.
+fn written<M>(
+    given: &GivenLevels,
     output: &RowsOutput,
     observer: &mut dyn Observer,
-) -> Result<Vec<AdjFile>> {
-    let limit = most_resident(output);
-    given(levels, output, observer, |rows, facts, observer| {
-        bounded(in_file(folder, rows, facts, output, observer)?, limit)
-    })
-}
-
-/// Returns the bytes of levels that are there already, from level 1 on.
-pub(super) fn given_levels_in_memory(
-    levels: &[Box<dyn Rows + '_>],
-    output: &RowsOutput,
-    observer: &mut dyn Observer,
-) -> Result<Vec<Vec<u8>>> {
-    given(levels, output, observer, |rows, facts, observer| {
-        in_memory(rows, facts, output.lane_count, output.threads, observer)
-    })
-}
-
-/// Writes each of `levels` with `write`, which receives the facts that it has above a file of `output`.
-fn given<M>(
-    levels: &[Box<dyn Rows + '_>],
-    output: &RowsOutput,
-    observer: &mut dyn Observer,
-    mut write: impl FnMut(&dyn Rows, &Facts, &mut dyn Observer) -> Result<M>,
+    write: Write<M>,
 ) -> Result<Vec<M>> {
     let mut facts = output.facts.clone();
-    let mut written = Vec::new();
-    for (number, rows) in (1..).zip(levels) {
+    let mut levels = Vec::new();
+    for (number, rows) in (1..).zip(&given.rows) {
         let Some((coarser, _)) = level_facts(&facts) else { break };
-        written.push(write(&**rows, &coarser, &mut LevelObserver { observer, number })?);
+        levels.push(write(&**rows, &coarser, output.lane_count, &mut LevelObserver { observer, number })?);
         facts = coarser;
     }
-    Ok(written)
+    Ok(levels)
 }
 
 /// Tells an observer that lanes are those of a level.

@@ -14,7 +14,5 @@ pub use atomic_folder::write_folder_atomically;
 pub use atomic_temporary::abandon_writes;
 pub(crate) use levels::levels_in_files;
 pub use map::AdjFile;
-pub(crate) use write::{
-    GivenLevels, bytes_of_rows, bytes_of_rows_and_levels, open_rows_and_levels, write_rows_and_levels,
-};
+pub(crate) use write::{GivenLevels, bytes_of_rows, open_rows_and_levels, write_rows_and_levels};
 pub use write::{RowsOutput, arena_bytes, open_rows, write_rows};

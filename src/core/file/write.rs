@@ -13,9 +13,7 @@ use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
 use super::atomic::{scratch_folder, write_file_atomically};
 use super::atomic_temporary::unnamed;
-use super::levels::{
-    bounded, given_levels_in_files, given_levels_in_memory, levels_in_files, levels_in_memory, most_resident,
-};
+use super::levels::{bounded, levels_in_files, levels_in_memory, most_resident};
 use super::map::AdjFile;
 use super::sections::SectionFile;
 use crate::arena::lane::stored_line_ends;
@@ -136,16 +134,6 @@ pub struct RowsOutput<'a> {
     pub levels: Levels,
 }
 
-/// Returns the bytes of an `.adj` file with the voxels of `rows`, which are `output.facts.visible_voxels`.
-///
-/// # Errors
-/// Any error of reading the rows; [`Error::Interrupted`] if the observer cancels.
-pub(crate) fn bytes_of_rows(rows: &dyn Rows, output: &RowsOutput, observer: &mut dyn Observer) -> Result<Vec<u8>> {
-    let levels = levels_in_memory(rows, output, observer)?;
-    let lanes = lanes_of(rows, &output.facts, output.lane_count, output.threads, observer)?;
-    bytes_with_limits(&lanes, &levels, None, output, observer)
-}
-
 /// Levels that are there already.
 pub(crate) struct GivenLevels<'a> {
     /// Their voxels, from level 1 on.
@@ -154,16 +142,19 @@ pub(crate) struct GivenLevels<'a> {
     pub(crate) limits: Option<Vec<LevelLimits>>,
 }
 
-/// Returns the bytes of an `.adj` file like [`bytes_of_rows`] with these levels.
-pub(crate) fn bytes_of_rows_and_levels(
+/// Returns the bytes of an `.adj` file with the voxels of `rows`, which are `output.facts.visible_voxels`. `None` makes its levels.
+///
+/// # Errors
+/// Any error of reading the rows; [`Error::Interrupted`] if the observer cancels.
+pub(crate) fn bytes_of_rows(
     rows: &dyn Rows,
-    levels: &GivenLevels,
+    given: Option<&GivenLevels>,
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<Vec<u8>> {
-    let written = given_levels_in_memory(&levels.rows, output, observer)?;
+    let levels = levels_in_memory(rows, given, output, observer)?;
     let lanes = lanes_of(rows, &output.facts, output.lane_count, output.threads, observer)?;
-    bytes_with_limits(&lanes, &written, levels.limits.as_deref(), output, observer)
+    bytes_with_limits(&lanes, &levels, given.and_then(|given| given.limits.as_deref()), output, observer)
 }
 
 /// Writes the voxels of `rows` to an `.adj` file, with bounded memory. Returns its header facts and length in bytes.
@@ -180,24 +171,22 @@ pub fn write_rows(
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<(Facts, u64)> {
-    write_file(path, observer, |file, observer| {
-        write_rows_to(file, path, &scratch_folder(path)?, rows, output, observer)
-    })
+    write_rows_and_levels(path, rows, None, output, observer)
 }
 
-/// Writes an `.adj` file like [`write_rows`] with these levels.
+/// Writes an `.adj` file like [`write_rows`] with these levels; `None` makes them.
 ///
 /// # Errors
 /// The same as [`write_rows`].
 pub(crate) fn write_rows_and_levels(
     path: &Path,
     rows: &dyn Rows,
-    levels: &GivenLevels,
+    given: Option<&GivenLevels>,
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<(Facts, u64)> {
     write_file(path, observer, |file, observer| {
-        write_rows_and_levels_to(file, path, &scratch_folder(path)?, rows, levels, output, observer)
+        write_rows_to(file, path, &scratch_folder(path)?, rows, given, output, observer)
     })
 }
 
@@ -217,54 +206,38 @@ fn write_file(
 /// # Errors
 /// The same as [`write_rows`].
 pub fn open_rows(folder: &Path, rows: &dyn Rows, output: &RowsOutput, observer: &mut dyn Observer) -> Result<AdjFile> {
-    let file = unnamed(folder)?;
-    write_rows_to(&file, folder, folder, rows, output, observer)?;
-    AdjFile::of(&file, folder, &Limits::default())
+    open_rows_and_levels(folder, rows, None, output, observer)
 }
 
-/// Writes an `.adj` file like [`open_rows`] with these levels.
+/// Writes an `.adj` file like [`open_rows`] with these levels; `None` makes them.
 ///
 /// # Errors
 /// The same as [`write_rows`].
 pub(crate) fn open_rows_and_levels(
     folder: &Path,
     rows: &dyn Rows,
-    levels: &GivenLevels,
+    given: Option<&GivenLevels>,
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<AdjFile> {
     let file = unnamed(folder)?;
-    write_rows_and_levels_to(&file, folder, folder, rows, levels, output, observer)?;
+    write_rows_to(&file, folder, folder, rows, given, output, observer)?;
     AdjFile::of(&file, folder, &Limits::default())
 }
 
-/// Writes the voxels of `rows` and of `levels` to `file`; `path` is used in messages. Levels are held in `folder`.
-fn write_rows_and_levels_to(
+/// Writes the voxels of `rows`, and levels, to `file`; `path` is used in messages. `None` makes the levels. They are held in `folder`.
+fn write_rows_to(
     file: &File,
     path: &Path,
     folder: &Path,
     rows: &dyn Rows,
-    levels: &GivenLevels,
+    given: Option<&GivenLevels>,
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<(Facts, u64)> {
     Limits::check_description(output.description)?;
-    let written = given_levels_in_files(folder, &levels.rows, output, observer)?;
-    write_sections(file, path, (written, levels.limits.as_deref()), rows, output, observer)
-}
-
-/// Writes the voxels of `rows` to `file`; `path` is used in messages. Levels are made in `folder`.
-pub(super) fn write_rows_to(
-    file: &File,
-    path: &Path,
-    folder: &Path,
-    rows: &dyn Rows,
-    output: &RowsOutput,
-    observer: &mut dyn Observer,
-) -> Result<(Facts, u64)> {
-    Limits::check_description(output.description)?;
-    let levels = levels_in_files(folder, rows, output, observer)?;
-    write_sections(file, path, (levels, None), rows, output, observer)
+    let levels = levels_in_files(folder, rows, given, output, observer)?;
+    write_sections(file, path, (levels, given.and_then(|given| given.limits.as_deref())), rows, output, observer)
 }
 
 /// Returns the facts with which rows are written: normals have a coherence if those of the rows have. Levels that an older version

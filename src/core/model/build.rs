@@ -79,7 +79,7 @@ impl Build {
             threads: self.threads,
             levels: self.options.levels,
         };
-        Model::from_bytes(bytes_of_rows(&built.rows, &output, observer)?)
+        Model::from_bytes(bytes_of_rows(&built.rows, None, &output, observer)?)
     }
 
     /// Builds an `.adj` file at `path`, in bounded memory, and memory-maps it. The file appears complete or not at all.
