@@ -11,7 +11,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Seek as _, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use super::atomic_temporary::{TemporaryFile, remove_dead, unnamed};
+use super::atomic_temporary::{Kind, Temporary, remove_dead, unnamed};
 use crate::error::{Error, Result};
 
 /// Most bytes that are written between two calls of `stop`.
@@ -110,13 +110,13 @@ impl WriteTarget {
         flushed: impl FnOnce(T) -> Result<U>,
     ) -> Result<U> {
         let WriteTarget { folder, name } = self;
-        let temporary = TemporaryFile::new(&folder)?;
+        let temporary = Temporary::new(&folder, Kind::File)?;
         if let Ok(old) = std::fs::metadata(folder.join(&name)) {
-            let file = temporary.file.as_file();
+            let file = temporary.as_file();
             file.set_permissions(old.permissions()).map_err(Error::io("set the permissions of", path))?;
         }
-        let result = write(temporary.file.as_file())?;
-        temporary.file.as_file().sync_all().map_err(Error::io("write", path))?;
+        let result = write(temporary.as_file())?;
+        temporary.as_file().sync_all().map_err(Error::io("write", path))?;
         // Flushing takes long enough for the user to change their mind.
         let result = flushed(result)?;
         temporary.rename(&folder.join(name)).map_err(Error::io("replace", path))?;

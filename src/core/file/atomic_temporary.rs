@@ -1,6 +1,6 @@
 //! Temporary files and folders for atomic writing. They are removed however a run of the program ends:
 //!
-//! 1. Success, error or panic: [`TemporaryFile::rename`] moves the file to its final name; dropping it removes it.
+//! 1. Success, error or panic: [`Temporary::rename`] moves the file to its final name; dropping it removes it.
 //! 2. A forced exit: [`abandon_writes`] removes all listed files.
 //! 3. The run is killed or loses power: the next run that writes to the folder removes the file (`remove_dead`).
 //! 4. A file without a name disappears when it is closed.
@@ -34,15 +34,15 @@ use std::sync::{Mutex, PoisonError};
 
 use crate::error::{Error, Result};
 
-pub(super) const PREFIX: &str = ".adj-";
-pub(super) const SUFFIX: &str = ".tmp";
+const PREFIX: &str = ".adj-";
+const SUFFIX: &str = ".tmp";
 /// Number of letters and digits between prefix and suffix.
-pub(super) const RANDOM: usize = 6;
+const RANDOM: usize = 6;
 /// Largest number of names to try. A remover takes a name only right after its creation: one retry nearly always helps.
-pub(super) const MOST_NAMES: usize = 64;
+const MOST_NAMES: usize = 64;
 
 /// Temporary files and folders that a forced exit would leave behind.
-pub(super) static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// Removes the temporary files and folders of all unfinished writes. Call it only to end the process right after.
 ///
@@ -52,8 +52,7 @@ pub fn abandon_writes() {
     for path in unfinished.iter() {
         // A folder into which another thread still writes may take several tries.
         for _ in 0..16 {
-            let removed = if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
-            if removed.is_ok() || !path.exists() {
+            if remove(path).is_ok() || !path.exists() {
                 break;
             }
         }
@@ -62,69 +61,91 @@ pub fn abandon_writes() {
     std::mem::forget(unfinished);
 }
 
-/// A temporary file owned by this process: locked, and listed as unfinished.
-#[derive(Debug)]
-pub(super) struct TemporaryFile {
-    pub(super) file: tempfile::NamedTempFile,
+/// A kind of [`Temporary`].
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    File,
+    Folder,
 }
 
-impl TemporaryFile {
-    /// Creates a temporary file in `folder`, after removing the temporary files of runs that have ended.
+/// A temporary file or folder owned by this process: locked, and listed as unfinished.
+pub(super) struct Temporary {
+    pub(super) path: PathBuf,
+    /// The file or folder, which holds the lock; `None` where folders cannot be opened.
+    opened: Option<File>,
+}
+
+impl Temporary {
+    /// Creates a temporary file or folder in `folder`, after removing those of runs that have ended.
     ///
     /// # Errors
-    /// [`Error::Io`] if no file can be created there.
-    pub(super) fn new(folder: &Path) -> Result<TemporaryFile> {
+    /// [`Error::Io`] if it cannot be created there.
+    pub(super) fn new(folder: &Path, kind: Kind) -> Result<Temporary> {
         remove_dead(folder);
         let mut builder = tempfile::Builder::new();
         builder.prefix(PREFIX).rand_bytes(RANDOM).suffix(SUFFIX);
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;
-            // The permissions of an ordinary new file, reduced by the process's mask, instead of private ones.
-            builder.permissions(std::fs::Permissions::from_mode(0o666));
+            // The permissions of an ordinary new file or folder, reduced by the process's mask, instead of private ones.
+            let mode = if kind == Kind::File { 0o666 } else { 0o777 };
+            builder.permissions(std::fs::Permissions::from_mode(mode));
         }
+        let create = || {
+            if kind == Kind::File {
+                let (file, path) = builder.tempfile_in(folder)?.keep()?;
+                return Ok((path, Some(file)));
+            }
+            let path = builder.tempdir_in(folder)?.keep();
+            let opened = File::open(&path).ok();
+            Ok((path, opened))
+        };
+        let action = if kind == Kind::File { "create a file in" } else { "create a folder in" };
         let mut unfinished = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
         for _ in 0..MOST_NAMES {
-            let mut file = builder.tempfile_in(folder).map_err(Error::io("create a file in", folder))?;
-            let locked = match file.as_file().try_lock() {
-                Ok(()) => is_named(file.path(), file.as_file()),
-                Err(TryLockError::WouldBlock) => false,
-                // A disk without locks.
-                Err(TryLockError::Error(_)) => true,
+            let (path, opened) = create().map_err(Error::io(action, folder))?;
+            let is_owned = match opened.as_ref().map(|opened| (opened, opened.try_lock())) {
+                Some((opened, Ok(()))) => is_named(&path, opened),
+                // A remover holds the lock: it removes the file or folder.
+                Some((_, Err(TryLockError::WouldBlock))) => false,
+                // A disk or a system without locks.
+                Some((_, Err(TryLockError::Error(_)))) => true,
+                // Another run may have removed the folder before it was opened.
+                None => cfg!(not(unix)),
             };
-            if locked {
-                unfinished.push(file.path().to_path_buf());
-                return Ok(TemporaryFile { file });
+            if is_owned {
+                unfinished.push(path.clone());
+                return Ok(Temporary { path, opened });
             }
-            // A remover holds the lock of this file: it removes the file.
-            file.disable_cleanup(true);
         }
         let why = "other runs keep removing the temporary files; try again";
-        Err(Error::io("create a file in", folder)(io::Error::other(why)))
+        Err(Error::io(action, folder)(io::Error::other(why)))
     }
 
-    /// Renames the file to `target`; removes it on failure.
+    /// Returns the temporary file.
+    pub(super) fn as_file(&self) -> &File {
+        self.opened.as_ref().expect("only folders cannot be opened")
+    }
+
+    /// Renames the file or folder to `target`; removes it on failure.
     ///
     /// # Errors
-    /// The system's error if it refuses to rename the file.
-    pub(super) fn rename(mut self, target: &Path) -> io::Result<()> {
-        let path = self.file.path().to_path_buf();
+    /// The system's error if it refuses to rename.
+    pub(super) fn rename(self, target: &Path) -> io::Result<()> {
         // Not while writes are abandoned: that would remove the path, which is the target's by then.
         let mut unfinished = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
-        std::fs::rename(&path, target)?;
-        self.file.disable_cleanup(true);
-        unfinished.retain(|listed| *listed != path);
+        std::fs::rename(&self.path, target)?;
+        unfinished.retain(|listed| *listed != self.path);
         Ok(())
     }
 }
 
-impl Drop for TemporaryFile {
+impl Drop for Temporary {
     fn drop(&mut self) {
         let mut unfinished = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(listed) = unfinished.iter().position(|listed| listed == self.file.path()) {
-            // Removed before the file is closed, which ends the lock.
-            let _ = std::fs::remove_file(unfinished.swap_remove(listed));
-            self.file.disable_cleanup(true);
+        if let Some(listed) = unfinished.iter().position(|listed| *listed == self.path) {
+            // Removed before the lock ends.
+            let _ = remove(&unfinished.swap_remove(listed));
         }
     }
 }
@@ -140,31 +161,33 @@ pub(super) fn unnamed(folder: &Path) -> Result<File> {
     tempfile::tempfile_in(folder).map_err(Error::io("create a file in", folder))
 }
 
-/// Removes temporary files without an owner (a run that still writes them) from `folder`; ignores failures.
+/// Removes temporary files and folders without an owner (a run that still writes them) from `folder`; ignores failures.
 pub(super) fn remove_dead(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
-    for entry in entries.flatten() {
-        // Opening a pipe of that name would wait for its writer.
-        let Some(kind) = entry.file_type().ok().filter(|_| is_name(&entry.file_name())) else { continue };
-        if kind.is_file() {
-            let _ = remove_if_dead(&entry.path());
-        } else if kind.is_dir() {
-            let _ = super::atomic_folder::remove_if_dead(&entry.path());
+    for entry in entries.flatten().filter(|entry| is_name(&entry.file_name())) {
+        let path = entry.path();
+        let opened = match entry.file_type() {
+            Ok(kind) if kind.is_dir() => File::open(&path),
+            // Network disks allow exclusive locks only on files open for writing.
+            Ok(kind) if kind.is_file() => File::options().read(true).write(true).open(&path),
+            // Opening a pipe of that name would wait for its writer.
+            _ => continue,
+        };
+        // The lock is held until the name is gone.
+        let Ok(opened) = opened else { continue };
+        if opened.try_lock().is_ok() && is_named(&path, &opened) {
+            let _ = remove(&path);
         }
     }
 }
 
-fn remove_if_dead(path: &Path) -> io::Result<()> {
-    // Network disks allow exclusive locks only on files open for writing.
-    let file = File::options().read(true).write(true).open(path)?;
-    if file.try_lock().is_ok() && is_named(path, &file) {
-        std::fs::remove_file(path)?;
-    }
-    Ok(())
+fn remove(path: &Path) -> io::Result<()> {
+    let is_folder = path.symlink_metadata().is_ok_and(|found| found.is_dir());
+    if is_folder { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) }
 }
 
 /// Returns whether `path` refers to the same file as `file`.
-pub(super) fn is_named(path: &Path, file: &File) -> bool {
+fn is_named(path: &Path, file: &File) -> bool {
     let there = same_file::Handle::from_path(path);
     let ours = file.try_clone().and_then(same_file::Handle::from_file);
     matches!((there, ours), (Ok(there), Ok(ours)) if there == ours)
