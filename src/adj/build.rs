@@ -143,14 +143,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let visible = classify_with_warnings(&mut *source, &options, &resources, arguments.quiet)?;
     arguments.classification.warn_of_units(&visible.samples);
     let description = description(&header, &visible)?;
-    let output = RowsOutput {
-        facts: visible.facts.clone(),
-        description: &description,
-        lane_count: options.lane_count,
-        memory: Some(memory),
-        threads,
-        levels: options.levels,
-    };
+    let output = RowsOutput::of_build(&visible, &description, &options, &resources);
     let progress = || Progress::new(arguments.quiet);
     let (written, culled) = match culling {
         None => (write_rows(path, &visible.rows, &output, &mut progress())?, None),

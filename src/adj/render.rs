@@ -28,7 +28,7 @@ use super::size::memory;
 use super::stored::{missing_values, stored_transfer};
 use super::values::{LevelChoice, level, number};
 use super::{Answer, check_output, print_note};
-use adjsplat::arena::{Arena, Levels};
+use adjsplat::arena::Arena;
 use adjsplat::build::Resources;
 use adjsplat::classify::TransferFunction;
 use adjsplat::collection::Collection;
@@ -177,16 +177,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     if let Some(folder) = folder {
         // The visible voxels may need more than the memory, so they go through a temporary file without a name.
         let description = description(&header, &visible)?;
-        let lane_count = options.lane_count;
-        let facts = visible.facts.clone();
-        let output = RowsOutput {
-            facts,
-            description: &description,
-            lane_count,
-            memory,
-            threads: settings.threads,
-            levels: Levels::default(),
-        };
+        let output = RowsOutput::of_build(&visible, &description, &options, &resources);
         let file = open_rows(&folder, &visible.rows, &output, &mut Progress::new(arguments.quiet))?;
         drop((visible, source));
         return job.draw_file(file, settings, None);

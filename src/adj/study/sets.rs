@@ -12,7 +12,7 @@ use super::super::resources::processors;
 use super::super::stored::stored_transfer;
 use super::super::values::number;
 use super::super::{print_note, starts_as_adj};
-use adjsplat::arena::{LaneSet, Levels};
+use adjsplat::arena::LaneSet;
 use adjsplat::build::{BuildOptions, Resources};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
@@ -158,20 +158,13 @@ impl SetVolume {
         let (name, transfer) = (self.name.clone(), self.transfer.clone());
         let normal_bits = if transfer.shaded() { normal_bits } else { 0 };
         let options = BuildOptions::new(transfer).with_value_bits(value_bits).with_normal_bits(normal_bits);
-        let (memory, threads, folder) = (None, processors(), std::env::temp_dir());
-        let resources = Resources { memory, threads, folder: Some(folder.clone()) };
+        let folder = std::env::temp_dir();
+        let resources = Resources { memory: None, threads: processors(), folder: Some(folder.clone()) };
         let source = self.restarted()?;
         let header = source.header().clone();
         let visible = classify_with_warnings(source, &options, &resources, true)?;
-        let (facts, description) = (visible.facts.clone(), &description(&header, &visible)?);
-        let output = RowsOutput {
-            facts,
-            description,
-            lane_count: options.lane_count,
-            memory,
-            threads,
-            levels: Levels::default(),
-        };
+        let description = description(&header, &visible)?;
+        let output = RowsOutput::of_build(&visible, &description, &options, &resources);
         let file = open_rows(&folder, &visible.rows, &output, &mut Progress::new(true))?;
         Ok(Set { name, file, transfer: visible.transfer.clone() })
     }

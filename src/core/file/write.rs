@@ -24,6 +24,7 @@ use crate::arena::{Arena, Channels, Levels, MOST_LEVELS, OwnedLane, Rows};
 use crate::build::assemble::{Assembler, LaneTotals};
 use crate::build::builder::lanes_of;
 use crate::build::progress::{Observer, Phase, report};
+use crate::build::{BuildOptions, Classified, Resources};
 use crate::error::{Error, Result};
 use crate::limits::Limits;
 use crate::splat::level_limits::measure;
@@ -132,6 +133,20 @@ pub struct RowsOutput<'a> {
     pub threads: usize,
     /// The coarser levels of detail to make.
     pub levels: Levels,
+}
+
+impl<'a> RowsOutput<'a> {
+    /// Returns what to write beside the voxels of `built`, which were classified with these options and resources.
+    pub fn of_build(
+        built: &Classified,
+        description: &'a str,
+        options: &BuildOptions,
+        resources: &Resources,
+    ) -> RowsOutput<'a> {
+        let &BuildOptions { lane_count, levels, .. } = options;
+        let &Resources { memory, threads, .. } = resources;
+        RowsOutput { facts: built.facts.clone(), description, lane_count, memory, threads, levels }
+    }
 }
 
 /// Levels that are there already.

@@ -71,14 +71,9 @@ impl Build {
         let resources = Resources { memory: self.memory, threads: self.threads, folder: None };
         let built = classify(&mut source, &self.options, &resources, observer)?;
         observer.samples(&built.samples);
-        let output = RowsOutput {
-            facts: built.facts.clone(),
-            description: &description(source.header(), &built)?,
-            lane_count: self.options.lane_count,
-            memory: None,
-            threads: self.threads,
-            levels: self.options.levels,
-        };
+        let description = description(source.header(), &built)?;
+        let output =
+            RowsOutput::of_build(&built, &description, &self.options, &Resources { memory: None, ..resources });
         Model::from_bytes(bytes_of_rows(&built.rows, None, &output, observer)?)
     }
 
@@ -101,18 +96,12 @@ impl Build {
         observer: &mut dyn Observer,
     ) -> Result<Model> {
         let (mut source, path) = (volume.into_slices(), path.as_ref());
-        let (memory, threads) = (self.memory, self.threads);
-        let resources = Resources { memory, threads, folder: Some(scratch_folder(path)?) };
+        let folder = Some(scratch_folder(path)?);
+        let resources = Resources { memory: self.memory, threads: self.threads, folder };
         let built = classify(&mut source, &self.options, &resources, observer)?;
         observer.samples(&built.samples);
-        let output = RowsOutput {
-            facts: built.facts.clone(),
-            description: &description(source.header(), &built)?,
-            lane_count: self.options.lane_count,
-            memory,
-            threads,
-            levels: self.options.levels,
-        };
+        let description = description(source.header(), &built)?;
+        let output = RowsOutput::of_build(&built, &description, &self.options, &resources);
         write_rows(path, &built.rows, &output, observer)?;
         drop(built);
         Model::open(path)
