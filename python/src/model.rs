@@ -184,7 +184,7 @@ impl Model {
     /// The lowest and the highest coordinates (x, y, z) of visible voxels; None if a damaged file has none.
     fn bounds(&self, py: Python<'_>) -> PyResult<Option<[[u16; 3]; 2]>> {
         let arena = self.arena()?;
-        let bounds = py.detach(|| arena.lane(Axis::X).and_then(|lane| lane.bounds()));
+        let bounds = py.detach(|| arena.x_lane().bounds());
         Ok(bounds.map(|(low, high)| [low, high]))
     }
 }

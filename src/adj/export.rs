@@ -11,7 +11,7 @@ use super::info::open_adj;
 use super::progress::Progress;
 use super::stored::missing_values;
 use super::{Answer, check_apart, print_note, print_result};
-use adjsplat::error::{Error, Result};
+use adjsplat::error::Result;
 use adjsplat::internals::drawable;
 use adjsplat_export::{ExportFormat, ExportOptions, ExportReport, export};
 
@@ -81,7 +81,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     check_apart("--output", output, [input.clone()].into_iter().chain(arguments.classification.files()))?;
     let arena = file.arena()?;
     if !arguments.no_verify {
-        arena.check().map_err(|fault| Error::Format { path: input.clone(), fault })?;
+        file.check()?;
     }
     let transfer = arguments.classification.transfer(input)?;
     if let Some(transfer) = &transfer

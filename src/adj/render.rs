@@ -38,7 +38,7 @@ use adjsplat::internals::{description, drawable, level_parts};
 use adjsplat::limits::Limits;
 use adjsplat::splat::{Camera, Outline, Scene, Settings};
 use adjsplat::traverse::VoxelBox;
-use adjsplat::volume::{Axis, SlabSource};
+use adjsplat::volume::SlabSource;
 use adjsplat_judge::dial;
 use adjsplat_judge::reference::Judge;
 use adjsplat_pictures::{PictureKind, numbered};
@@ -283,7 +283,7 @@ impl RenderJob<'_> {
         let grid = &arena.facts().grid;
         settings.level = self.level(arena.level_count())?;
         settings.crop = arguments.view.crop.map(|crop| crop.in_grid(grid.dims)).transpose()?;
-        let lane = arena.lane(Axis::X).expect("every arena that opens has the lane along x");
+        let lane = arena.x_lane();
         cameras(&arguments.view, &Outline::of_lane(grid, lane, settings.crop), settings.size)
     }
 

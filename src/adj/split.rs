@@ -12,7 +12,7 @@ use super::resources::ResourceArguments;
 use super::values::{Choice, choice, number};
 use super::{Answer, print_note, print_result};
 use adjsplat::collection::{Partition, split};
-use adjsplat::error::{Error, Result};
+use adjsplat::error::Result;
 
 /// Split an .adj file into a collection: a folder of bricks, each an .adj file of its own
 ///
@@ -103,7 +103,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let file = open_adj(&arguments.input)?;
     let arena = file.arena()?;
     if !arguments.no_verify {
-        arena.check().map_err(|fault| Error::Format { path: arguments.input.clone(), fault })?;
+        file.check()?;
     }
     let boxes = |size| Partition::into_boxes(arena.facts().grid.dims, size);
     let partitions = arguments.cuts.sizes().into_iter().map(boxes).collect::<Result<Vec<_>>>()?;

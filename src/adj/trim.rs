@@ -106,7 +106,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let arena = file.arena()?;
     let crop = arguments.crop.map(|crop| crop.in_grid(arena.facts().grid.dims)).transpose()?;
     if !arguments.no_verify {
-        arena.check().map_err(|fault| Error::Format { path: arguments.input.clone(), fault })?;
+        file.check()?;
     }
     let stored = stored_transfer(&arena, &arguments.input).ok();
     let transfer = arguments.classification.transfer(&arguments.input)?;

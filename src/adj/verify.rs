@@ -112,6 +112,5 @@ fn check(path: &Path, memory: Option<u64>) -> Result<u64> {
     if let Some(memory) = memory {
         file = file.keep_resident_below(memory_of_pages(memory))?;
     }
-    let checked = file.arena()?.check();
-    checked.map(|found| found.bytes).map_err(|fault| Error::Format { path: path.to_path_buf(), fault })
+    Ok(file.check()?.bytes)
 }

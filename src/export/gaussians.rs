@@ -20,7 +20,6 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::MAX_DEPTH;
 use adjsplat::internals::scatter::Table;
 use adjsplat::splat::{Lighting, Quality, Scene, Settings};
-use adjsplat::volume::Axis;
 use glam::{DMat3, DQuat, DVec3};
 
 use super::eigen::ellipsoid_axes;
@@ -99,7 +98,7 @@ impl<'a> Gaussians<'a> {
     fn table(&self) -> Result<Table<'_>> {
         let transfer = self.voxels.transfer.as_ref().expect("was there when this was made");
         let scene = Scene { facts: self.voxels.facts(), lanes: &self.lanes, transfer };
-        let lane = self.voxels.arena.lane(Axis::X).expect("every arena that opens has the lane along x");
+        let lane = self.voxels.arena.x_lane();
         Table::new(&scene, &lane, &Settings::new([1, 1]), self.voxels.grid.mean_spacing())
     }
 

@@ -20,7 +20,6 @@ use flate2::write::GzEncoder;
 use super::gaussians::{Gaussian, Gaussians};
 use super::output::{Progress, Written};
 use adjsplat::error::{Error, Result};
-use adjsplat::volume::Axis;
 
 const MAGIC: u32 = 0x5053_474e;
 const VERSION: u32 = 2;
@@ -59,7 +58,7 @@ impl Packing {
             return Err(Error::input("grid", why));
         }
         let voxels = gaussians.voxels;
-        let lane = voxels.arena.lane(Axis::X).expect("every arena that opens has the lane along x");
+        let lane = voxels.arena.x_lane();
         let (low, high) = lane.bounds().unwrap_or_default();
         let corners = (0..8).map(|corner| {
             voxels.position(std::array::from_fn(|a| if corner >> a & 1 == 1 { high[a] } else { low[a] }))

@@ -7,7 +7,7 @@ use adjsplat::arena::{Arena, LaneRows, Record, Region, Rows, VisibleCodes, Voxel
 use adjsplat::classify::{TransferFunction, normal};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::{drawable, stored_transfer};
-use adjsplat::volume::{Axis, Grid, SampleType};
+use adjsplat::volume::{Grid, SampleType};
 use glam::DVec3;
 use serde_json::Value;
 
@@ -42,7 +42,7 @@ impl<'a> StoredVoxels<'a> {
         let shown = transfer.map(|transfer| drawable(arena, transfer.clone())).transpose()?;
         let codes = |transfer| VisibleCodes::new(transfer, facts.channels, &facts.scales, 0.0);
         let visible = shown.as_ref().map(codes).transpose()?;
-        let lane = arena.lane(Axis::X).expect("every arena that opens has the lane along x");
+        let lane = arena.x_lane();
         let keep = move |_: [u16; 3], _: usize, record: Record| {
             visible.as_ref().is_none_or(|codes| codes.has(record.value, record.magnitude)).then_some(record)
         };

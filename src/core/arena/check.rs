@@ -27,7 +27,6 @@ use zerocopy::byteorder::little_endian::F32;
 
 use super::coverage::Coverage;
 use super::lane::{Lane, STEPPING};
-use super::lane_rows::LaneRows;
 use super::layout::{
     Channels, Facts, FileHeader, LevelLimits, SectionEntry, SectionKind, TILE_EDGE, TileRecord, line_end_bytes,
 };
@@ -84,7 +83,7 @@ impl Arena<'_> {
             let (section, level) = section.expect("the levels were opened with the file");
             let at = section.offset.get();
             level.check_voxels().map_err(|fault| fault.moved(at))?;
-            if coverage_sum(&rows_of(&level), level.fingerprint()) != coarser_sum(&below, level.fingerprint()) {
+            if coverage_sum(&level.rows(), level.fingerprint()) != coarser_sum(&below, level.fingerprint()) {
                 let expected = format!("voxels and coverages of level {number} as level {} gives them", number - 1);
                 return Err(fault(at, "R26", expected, "another: make the levels again with adj trim"));
             }
@@ -253,18 +252,12 @@ fn section_offset(arena: &Arena, kind: SectionKind, axis: Axis) -> u64 {
     arena.section(kind, Some(axis)).map_or(0, |section| section.offset.get())
 }
 
-/// Returns the voxels of an arena that is sound.
-fn rows_of<'a>(arena: &Arena<'a>) -> impl Rows + use<'a> {
-    let lane = arena.lane(Axis::X).expect("by R10 every arena that opens has the lane along x");
-    LaneRows::new(lane, |_, _, record| Some(record))
-}
-
 /// Returns the sum of hashes, keyed by `key`, of the places and coverages of the level above `below`, which is sound.
 fn coarser_sum(below: &Arena, key: u64) -> u64 {
     let grid = &below.facts().grid;
     let factors = coarser(grid).map(|(_, factors)| factors);
     let factors = factors.unwrap_or_else(|| unreachable!("R24 holds: the level below has a coarser grid"));
-    let (rows, look) = (rows_of(below), LevelLook::default());
+    let (rows, look) = (below.rows(), LevelLook::default());
     coverage_sum(&CoarserRows::new(&rows, grid.spacing, factors, &look, 1), key)
 }
 

@@ -8,6 +8,7 @@
 
 use std::ops::Range;
 
+use super::Arena;
 use super::lane::Lane;
 use super::layout::{Channels, TILE_EDGE, TileRecord};
 use super::pack::Record;
@@ -28,6 +29,13 @@ pub struct LaneRows<'a, K> {
     dims: [u32; 3],
     channels: Channels,
     keep: K,
+}
+
+impl<'a> Arena<'a> {
+    /// Returns the voxels as rows along x.
+    pub fn rows(&self) -> LaneRows<'a, impl Fn([u16; 3], usize, Record) -> Option<Record> + use<>> {
+        LaneRows::new(self.x_lane(), |_, _, record| Some(record))
+    }
 }
 
 impl<'a, K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> LaneRows<'a, K> {

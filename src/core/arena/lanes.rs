@@ -38,7 +38,7 @@ impl DerivedLanes {
         if let Some(lane) = derived.get() {
             return Ok(lane.view());
         }
-        let source = arena.lane(Axis::X).expect("by R10 every arena that opens has the lane along x");
+        let source = arena.x_lane();
         let source = source.at_hand()?;
         let others = self.lanes.iter().filter_map(OnceLock::get).map(|lane| lane.view().bytes()).sum::<u64>();
         // Records take the same space in every lane; tiles, line ends and the current strip take about as much again.

@@ -277,6 +277,11 @@ impl<'a> Arena<'a> {
         self.lanes[axis.index()]
     }
 
+    /// Returns the lane along x, which every arena that opens has.
+    pub fn x_lane(&self) -> Lane<'a> {
+        self.lane(Axis::X).expect("R10")
+    }
+
     /// Iterates over the stored lanes, x first.
     pub fn lanes(&self) -> impl Iterator<Item = Lane<'a>> + '_ {
         self.lanes.iter().flatten().copied()

@@ -205,7 +205,7 @@ impl<'a> Overlay<'a> {
     /// Returns the record that the arena itself stores at a position, without edits.
     fn stored(&self, [x, y, z]: [u16; 3]) -> Option<Record> {
         let arena = self.lanes.arena();
-        let lane = arena.lane(Axis::X).expect("by R10 every arena that opens has the lane along x");
+        let lane = arena.x_lane();
         let tile = find_tile(&lane, arena.facts().tile_order, y / TILE_EDGE, z / TILE_EDGE)?;
         let bit = 1 << (z % TILE_EDGE * TILE_EDGE + y % TILE_EDGE);
         let line = lane.tile_lines(tile, bit).next()?;

@@ -110,4 +110,14 @@ pub trait Rows: Sync {
     /// # Errors
     /// Any error of reading the underlying data.
     fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()>;
+
+    /// Counts the voxels. Reads all of them.
+    ///
+    /// # Errors
+    /// The errors of [`Rows::read`].
+    fn count(&self) -> Result<u64> {
+        let mut voxels = 0;
+        self.read(Region::of_grid(self.dims()), &mut |_, _, found| voxels += found.len() as u64)?;
+        Ok(voxels)
+    }
 }

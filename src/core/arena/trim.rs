@@ -17,7 +17,7 @@ use super::visible::{NOTICEABLE_OPACITY, VisibleCodes};
 use crate::classify::normal::{self, Coherence};
 use crate::classify::{Quantiser, TransferFunction};
 use crate::error::{Error, Result};
-use crate::volume::{Axis, Grid, SampleType};
+use crate::volume::{Grid, SampleType};
 
 /// Selects the voxels and channels of an arena to keep; the default keeps everything.
 #[derive(Debug, Clone, Default)]
@@ -99,7 +99,7 @@ pub struct Trim<'a> {
 /// [`Error::Input`] if the crop lies outside the grid, if the transfer function needs magnitudes that are missing or
 /// dropped, if narrowing would leave labels without a code of their own, or if no voxel remains.
 pub fn trim<'a>(arena: &Arena<'a>, stored: Option<&TransferFunction>, options: &TrimOptions) -> Result<Trim<'a>> {
-    let lane = arena.lane(Axis::X).expect("by R10 every arena that opens has the lane along x");
+    let lane = arena.x_lane();
     let old = arena.facts();
     let transfer = options.transfer.clone().map(|new| filled_in(new, stored, &lane, old)).transpose()?;
     let in_force = transfer.as_ref().or(stored);

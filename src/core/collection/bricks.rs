@@ -216,7 +216,7 @@ impl Collection {
     /// Checks every byte of every brick and of the preview; returns what is wrong, an error for each file.
     pub fn check(&self) -> Vec<Error> {
         let files = self.bricks.iter().filter_map(|brick| brick.file.as_ref()).chain(self.preview());
-        files.filter_map(|file| checked(file).err()).collect()
+        files.filter_map(|file| file.check().err()).collect()
     }
 
     /// Returns the visible voxels of all bricks without faults, as rows of the whole grid.
@@ -341,7 +341,7 @@ impl Brick {
     /// # Errors
     /// [`Error::Format`] with the first broken rule.
     pub fn check(&self) -> Result<Option<Checked>> {
-        self.file.as_ref().map(checked).transpose()
+        self.file.as_ref().map(AdjFile::check).transpose()
     }
 
     /// Returns the lanes of the brick's file and of its levels, stored or derived; `None` if it has no file.
@@ -349,10 +349,6 @@ impl Brick {
         let Some((file, lanes)) = self.file.as_ref().zip(self.lanes.as_ref()) else { return Ok(None) };
         Ok(Some(LaneSet::sharing(file.arena()?, lanes.clone())))
     }
-}
-
-fn checked(file: &AdjFile) -> Result<Checked> {
-    file.arena()?.check().map_err(|fault| Error::Format { path: file.path().to_path_buf(), fault })
 }
 
 /// What a manifest says of the content of a file.

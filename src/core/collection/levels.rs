@@ -9,7 +9,7 @@ use zerocopy::byteorder::little_endian::F32;
 use super::Partition;
 use crate::arena::layout::{Facts, LevelLimits};
 use crate::arena::levels::level_facts;
-use crate::arena::{Arena, Detail, Lane, LaneRows, Levels, MOST_LEVELS, Region, Rows};
+use crate::arena::{Arena, Detail, Lane, Levels, MOST_LEVELS, Region, Rows};
 use crate::error::{Error, Result};
 use crate::splat::Lanes;
 use crate::volume::Axis;
@@ -105,11 +105,9 @@ pub(super) fn with_margin(region: &Region, whole: [u32; 3], levels: &[Level]) ->
 pub(super) fn rows_of<'a>(arena: &Arena<'a>, number: u8, window: Option<&Region>) -> Result<Box<dyn Rows + 'a>> {
     let missing = || Error::input("level", format!("{number} is not in a brick"));
     let level = arena.level(number).ok_or_else(missing)?;
-    let lane = level.lane(Axis::X).expect("every arena that opens has the lane along x");
-    let rows = LaneRows::new(lane, |_, _, record| Some(record));
     Ok(Box::new(match window {
-        Some(window) => rows.cropped(window),
-        None => rows,
+        Some(window) => level.rows().cropped(window),
+        None => level.rows(),
     }))
 }
 

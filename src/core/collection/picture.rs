@@ -18,7 +18,6 @@ use crate::splat::levels::level_parts;
 use crate::splat::setup::walk_order;
 use crate::splat::{Camera, Frame, Mode, Outline, Scene, Settings, Stats, View, cpu};
 use crate::traverse::VoxelBox;
-use crate::volume::Axis;
 
 impl Collection {
     /// Returns the [`Camera`] of an orbit around the visible voxels of all bricks, as a picture of the joined file has it.
@@ -37,7 +36,7 @@ impl Collection {
         let mut lanes = Vec::new();
         for brick in self.once() {
             let Some(file) = &brick.file else { continue };
-            let lane = file.arena()?.lane(Axis::X).expect("every arena that opens has the lane along x");
+            let lane = file.arena()?.x_lane();
             lanes.push((corner(brick.entry.low), lane));
         }
         Ok(Outline::of_lanes(self.grid(), lanes, crop))

@@ -68,13 +68,6 @@ pub struct Findings {
     found: Found,
 }
 
-/// Counts the voxels of rows.
-fn count(rows: &dyn Rows) -> Result<u64> {
-    let mut voxels = 0;
-    rows.read(Region::of_grid(rows.dims()), &mut |_, _, found| voxels += found.len() as u64)?;
-    Ok(voxels)
-}
-
 /// What the next scan looks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Stage {
@@ -378,7 +371,7 @@ impl Plan {
         let (all, whole) = (self.facts(&encoder), self.description(&encoder, &loss)?);
         let all_rows = ClassifiedRows { spill, encoder };
         let rows = RowsWithin { rows: &all_rows, within: kept };
-        let voxels = if around == rows.within { all_rows.spill.voxels } else { count(&rows)? };
+        let voxels = if around == rows.within { all_rows.spill.voxels } else { rows.count()? };
         if let Some(scanned) = self.found.voxels_of_bricks.get(&index).filter(|&&scanned| scanned != voxels) {
             let why =
                 format!("have {voxels} visible voxels, but its scan found {scanned}; give the volume that was scanned");

@@ -165,15 +165,6 @@ impl<'a> EveryNth<'a> {
         let first = std::array::from_fn(|a| part.low()[a] * every - low[a]);
         EveryNth { rows, every, first, dims: part.size() }
     }
-
-    /// Counts the voxels.
-    fn count(&self) -> Result<u64> {
-        let mut voxels = 0u64;
-        if !self.dims.contains(&0) {
-            self.read(Region::of_grid(self.dims), &mut |_, _, found| voxels += found.len() as u64)?;
-        }
-        Ok(voxels)
-    }
 }
 
 impl Rows for EveryNth<'_> {
@@ -233,7 +224,7 @@ impl BrickPlace {
     ) -> Result<()> {
         let part = part_of(&self.region, every);
         let rows = EveryNth::of_brick(rows, &self.region, every);
-        let voxels = rows.count()?;
+        let voxels = if part.is_empty() { 0 } else { rows.count()? };
         let path = folder.join(self.preview_file());
         if voxels == 0 {
             return remove_if_there(&path);

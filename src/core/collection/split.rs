@@ -7,12 +7,12 @@ use super::manifest::{BrickEntry, Manifest, brick_description, fingerprint};
 use super::preview::{Choice, choice, join_level, join_preview, remove_if_there, remove_parts};
 use super::{Collection, Partition};
 use crate::arena::layout::Facts;
-use crate::arena::{Arena, LaneRows, Levels, Region, Rows};
+use crate::arena::{Arena, Levels, Region, Rows};
 use crate::build::Observer;
 use crate::build::progress::{Phase, report};
 use crate::error::{Error, Result};
 use crate::file::{AdjFile, GivenLevels, RowsOutput, write_folder_atomically, write_rows_and_levels};
-use crate::volume::{Axis, Grid};
+use crate::volume::Grid;
 
 /// Writes the voxels of `arena` as a collection at `path`, with a brick for each box of each of `partitions`, one to three.
 ///
@@ -41,7 +41,6 @@ pub fn split(
     let whole = arena.facts();
     let text = std::str::from_utf8(arena.description()).unwrap_or_default();
     let lane_count = u8::try_from(arena.lanes().count()).expect("there are three axes");
-    let lane = arena.lane(Axis::X).expect("every arena that opens has the lane along x");
     let mut levels = levels_of(whole, arena.level_count());
     levels.truncate(allowed(partitions, &levels));
     let level_count = u8::try_from(levels.len()).expect("at most 15");
@@ -57,9 +56,8 @@ pub fn split(
             for region in partition.boxes() {
                 report(observer, Phase::Pack, written, total)?;
                 written += 1;
-                let rows = LaneRows::new(lane, |_, _, record| Some(record)).cropped(&region);
-                let mut voxels = 0u64;
-                rows.read(Region::of_grid(rows.dims()), &mut |_, _, found| voxels += found.len() as u64)?;
+                let rows = arena.rows().cropped(&region);
+                let voxels = rows.count()?;
                 let facts = Facts { grid: region.grid(&whole.grid), visible_voxels: voxels, ..whole.clone() };
                 let description = brick_description(text, &region, whole.grid.dims);
                 let output = RowsOutput { facts, description: &description, ..all_voxels.clone() };

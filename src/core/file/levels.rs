@@ -11,11 +11,10 @@ use super::write::{GivenLevels, RowsOutput, arena_bytes, facts_of_rows, open_row
 use crate::arena::layout::Facts;
 use crate::arena::levels::level_facts;
 use crate::arena::pager::IN_FLIGHT;
-use crate::arena::{Arena, CoarserRows, LaneRows, LevelLook, Levels, Region, Rows};
+use crate::arena::{Arena, CoarserRows, LevelLook, Levels, Rows};
 use crate::build::builder::lanes_of;
 use crate::build::progress::{Observer, Phase};
 use crate::error::{Error, Result};
-use crate::volume::Axis;
 
 /// The description of a level: it has no facts of its own.
 const DESCRIPTION: &str = "{}";
@@ -57,9 +56,7 @@ fn levels<M: Made>(
     let (wanted, look) = (output.levels, LevelLook::new(output.description.as_bytes(), &output.facts));
     let mut facts = output.facts.clone();
     if wanted == Levels::Auto {
-        facts.visible_voxels = 0;
-        let count = &mut |_: u16, _: u16, voxels: &[_]| facts.visible_voxels += voxels.len() as u64;
-        rows.read(Region::of_grid(rows.dims()), count)?;
+        facts.visible_voxels = rows.count()?;
     }
     let mut levels: Vec<M> = Vec::new();
     for number in 1.. {
@@ -87,9 +84,7 @@ fn levels<M: Made>(
 /// Calls `make` with the voxels of `level`; without one, with `rows`.
 fn with_rows<M: Made>(level: Option<&M>, rows: &dyn Rows, make: impl FnOnce(&dyn Rows) -> Result<M>) -> Result<M> {
     let Some(level) = level else { return make(rows) };
-    let arena = level.arena()?;
-    let lane = arena.lane(Axis::X).expect("by R10 every arena that opens has the lane along x");
-    make(&LaneRows::new(lane, |_, _, record| Some(record)))
+    make(&level.arena()?.rows())
 }
 
 /// Returns the levels of a file of `rows`, those that are `given` or new ones, each in a file without a name in `folder`.

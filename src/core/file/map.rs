@@ -15,8 +15,8 @@ use std::sync::{Mutex, PoisonError};
 use memmap2::Mmap;
 
 use super::resident::ResidentPages;
-use crate::arena::Arena;
 use crate::arena::pager::Pager;
+use crate::arena::{Arena, Checked};
 use crate::error::{Error, Result};
 use crate::limits::Limits;
 
@@ -106,6 +106,14 @@ impl AdjFile {
         let arena = Arena::new(&self.map.map).map_err(|fault| Error::Format { path: self.path.clone(), fault })?;
         arena.within(&self.path, &self.limits)?;
         Ok(if self.map.resident.is_some() { arena.with_pager(&self.map) } else { arena })
+    }
+
+    /// Checks every rule of the format, as [`Arena::check`] does.
+    ///
+    /// # Errors
+    /// [`Error::Format`] with the first broken rule; those of [`AdjFile::arena`].
+    pub fn check(&self) -> Result<Checked> {
+        self.arena()?.check().map_err(|fault| Error::Format { path: self.path.clone(), fault })
     }
 
     /// Returns the file's path.

@@ -172,7 +172,7 @@ impl Model {
     /// # Errors
     /// The errors of [`Model::arena`].
     pub fn bounds(&self) -> Result<Option<VoxelBox>> {
-        let bounds = self.arena()?.lane(Axis::X).and_then(|lane| lane.bounds());
+        let bounds = self.arena()?.x_lane().bounds();
         Ok(bounds.map(|(low, high)| VoxelBox { low, high }))
     }
 

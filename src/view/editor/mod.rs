@@ -18,7 +18,6 @@ use adjsplat::Model;
 use adjsplat::TransferFunction;
 use adjsplat::arena::CodeCounts;
 use adjsplat::error::Result;
-use adjsplat::volume::Axis;
 
 pub use history::History;
 pub use labels::LabelTable;
@@ -46,7 +45,7 @@ impl StoredValues {
     pub fn of(model: &Model) -> Result<StoredValues> {
         let arena = model.arena()?;
         let facts = arena.facts();
-        let lane = arena.lane(Axis::X).expect("every arena that opens has the lane along x");
+        let lane = arena.x_lane();
         let mut counts = CodeCounts::of(&lane).by_value().to_vec();
         if counts.is_empty() {
             // Nothing is stored, or nothing has arrived yet: any value may be.
