@@ -3,9 +3,8 @@
 //! Python allocates the arrays, and this part fills them. Voxels come by ascending z, then y, then x, as numpy's
 //! `nonzero` gives them. A damaged file yields fewer or other voxels than its header says, never more than fit.
 
-use adjsplat::arena::{Coverage, LaneRows, Record, Region, Rows, Voxel};
+use adjsplat::arena::{Coverage, Record, Region, Rows, Voxel};
 use adjsplat::classify::normal;
-use adjsplat::volume::Axis;
 use numpy::{Element, PyArray1, PyArray3, PyArrayMethods, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -56,8 +55,7 @@ impl Model {
     /// Calls `see` with the voxels of each row inside the box `low..high` (x, y, z), by ascending z, then y.
     fn each_row(&self, low: [u32; 3], high: [u32; 3], mut see: impl FnMut(u16, u16, &[Voxel])) -> adjsplat::Result<()> {
         let arena = self.level_arena()?;
-        let lane = arena.lane(Axis::X).expect("every arena that opens has the lane along x");
-        let rows = LaneRows::new(lane, |_, _, record: Record| Some(record));
+        let rows = arena.rows();
         // Rows of one slice come by ascending y.
         (low[2]..high[2]).try_for_each(|z| {
             let slice = Region { xs: low[0]..high[0], ys: low[1]..high[1], zs: z..z + 1 };
@@ -106,25 +104,31 @@ impl Model {
     }
 
     fn fill_values<T: Value>(&self, out: &Bound<'_, PyArray1<T>>) -> PyResult<usize> {
-        let py = out.py();
-        let mut out = out.try_readwrite()?;
-        let out = out.as_slice_mut().map_err(|_| not_contiguous())?;
-        let mut rows = out.iter_mut();
-        let fill = || {
-            let values = self.decoded::<T>()?;
-            self.each_voxel(|_, record| {
-                if let Some(row) = rows.next() {
-                    *row = values[usize::from(record.value)];
-                }
-            })
+        let values = self.decoded::<T>().map_err(exception)?;
+        let mut array = out.try_readwrite()?;
+        let rows = array.as_slice_mut().map_err(not_contiguous)?.iter_mut();
+        self.fill(out.py(), rows, |row, _, record| *row = values[usize::from(record.value)])
+    }
+
+    /// Calls `write` with a row of `rows` for each visible voxel, while there are rows; returns how many were written.
+    fn fill<R: ExactSizeIterator + Send>(
+        &self,
+        py: Python<'_>,
+        mut rows: R,
+        mut write: impl FnMut(R::Item, [u16; 3], &Record) + Send,
+    ) -> PyResult<usize> {
+        let count = rows.len();
+        let mut fill = |place: [u16; 3], record: &Record| {
+            if let Some(row) = rows.next() {
+                write(row, place, record);
+            }
         };
-        py.detach(fill).map_err(exception)?;
-        let left = rows.len();
-        Ok(out.len() - left)
+        py.detach(|| self.each_voxel(&mut fill)).map_err(exception)?;
+        Ok(count - rows.len())
     }
 }
 
-fn not_contiguous() -> PyErr {
+fn not_contiguous<E>(_: E) -> PyErr {
     PyValueError::new_err("the array must be contiguous")
 }
 
@@ -143,19 +147,8 @@ pub(crate) fn read_values(model: &Model, out: &Bound<'_, PyAny>) -> PyResult<usi
 /// Writes z, y and x of each visible voxel to a row of `out`; returns how many there were.
 #[pyfunction]
 pub(crate) fn read_positions(model: &Model, py: Python<'_>, mut out: PyReadwriteArray2<'_, u16>) -> PyResult<usize> {
-    let out = out.as_slice_mut().map_err(|_| not_contiguous())?;
-    let out = out.as_chunks_mut::<3>().0;
-    let count = out.len();
-    let mut rows = out.iter_mut();
-    let fill = || {
-        model.each_voxel(|[x, y, z], _| {
-            if let Some(row) = rows.next() {
-                *row = [z, y, x];
-            }
-        })
-    };
-    py.detach(fill).map_err(exception)?;
-    Ok(count - rows.len())
+    let rows = out.as_slice_mut().map_err(not_contiguous)?.as_chunks_mut::<3>().0;
+    model.fill(py, rows.iter_mut(), |row, [x, y, z], _| *row = [z, y, x])
 }
 
 /// Writes the normal of each visible voxel (x, y, z in the world) to a row of `out`; returns how many there were.
@@ -163,19 +156,10 @@ pub(crate) fn read_positions(model: &Model, py: Python<'_>, mut out: PyReadwrite
 pub(crate) fn read_normals(model: &Model, py: Python<'_>, mut out: PyReadwriteArray2<'_, f32>) -> PyResult<usize> {
     let arena = model.arena()?;
     let (bits, grid) = (arena.facts().channels.normal_bits, &arena.facts().grid);
-    let out = out.as_slice_mut().map_err(|_| not_contiguous())?;
-    let out = out.as_chunks_mut::<3>().0;
-    let count = out.len();
-    let mut rows = out.iter_mut();
-    let fill = || {
-        model.each_voxel(|_, record| {
-            if let Some(row) = rows.next() {
-                *row = grid.world_from_axes(normal::decode(record.normal, bits).map(f64::from)).map(f32::nearest);
-            }
-        })
-    };
-    py.detach(fill).map_err(exception)?;
-    Ok(count - rows.len())
+    let rows = out.as_slice_mut().map_err(not_contiguous)?.as_chunks_mut::<3>().0;
+    model.fill(py, rows.iter_mut(), |row, _, record| {
+        *row = grid.world_from_axes(normal::decode(record.normal, bits).map(f64::from)).map(f32::nearest);
+    })
 }
 
 /// Writes the gradient magnitude of each visible voxel to `out`; returns how many there were.
@@ -183,18 +167,8 @@ pub(crate) fn read_normals(model: &Model, py: Python<'_>, mut out: PyReadwriteAr
 pub(crate) fn read_magnitudes(model: &Model, py: Python<'_>, mut out: PyReadwriteArray1<'_, f64>) -> PyResult<usize> {
     let scale = model.arena()?.facts().scales.magnitude_scale;
     let codec = adjsplat::classify::MagnitudeCodec::new(scale).map_err(exception)?;
-    let out = out.as_slice_mut().map_err(|_| not_contiguous())?;
-    let count = out.len();
-    let mut rows = out.iter_mut();
-    let fill = || {
-        model.each_voxel(|_, record| {
-            if let Some(row) = rows.next() {
-                *row = codec.decode(record.magnitude);
-            }
-        })
-    };
-    py.detach(fill).map_err(exception)?;
-    Ok(count - rows.len())
+    let rows = out.as_slice_mut().map_err(not_contiguous)?.iter_mut();
+    model.fill(py, rows, |row, _, record| *row = codec.decode(record.magnitude))
 }
 
 /// Writes for each visible voxel of a level the share of its block that is visible to `shares`, and the mean place (z, y, x) of
@@ -207,22 +181,12 @@ pub(crate) fn read_coverages(
     mut centres: PyReadwriteArray2<'_, f32>,
 ) -> PyResult<usize> {
     let channels = model.arena()?.facts().channels;
-    let shares = shares.as_slice_mut().map_err(|_| not_contiguous())?;
-    let centres = centres.as_slice_mut().map_err(|_| not_contiguous())?;
-    let centres = centres.as_chunks_mut::<3>().0;
-    let mut rows = shares.iter_mut().zip(centres);
-    let mut written = 0;
-    let fill = || {
-        model.each_voxel(|[x, y, z], record| {
-            if let Some((share, centre)) = rows.next() {
-                let coverage = Coverage::of_code(record.coverage, channels);
-                let [dx, dy, dz] = coverage.offset;
-                *share = coverage.share;
-                *centre = [f32::from(z) + dz, f32::from(y) + dy, f32::from(x) + dx];
-                written += 1;
-            }
-        })
-    };
-    py.detach(fill).map_err(exception)?;
-    Ok(written)
+    let shares = shares.as_slice_mut().map_err(not_contiguous)?;
+    let centres = centres.as_slice_mut().map_err(not_contiguous)?.as_chunks_mut::<3>().0;
+    model.fill(py, shares.iter_mut().zip(centres), |(share, centre), [x, y, z], record| {
+        let coverage = Coverage::of_code(record.coverage, channels);
+        let [dx, dy, dz] = coverage.offset;
+        *share = coverage.share;
+        *centre = [f32::from(z) + dz, f32::from(y) + dy, f32::from(x) + dx];
+    })
 }
