@@ -31,9 +31,6 @@ pub struct FrameSetup<'a> {
     /// The kernel of voxels near the eye.
     pub(crate) near_kernel: KernelShape,
     pub(crate) clip: ClipRegion,
-    /// Whether the mode is [`Mode::Maximum`](super::Mode::Maximum) or its grey form.
-    #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only renderers on graphics devices ask for it"))]
-    pub(crate) is_maximum: bool,
 }
 
 impl<'a> FrameSetup<'a> {
@@ -63,7 +60,7 @@ impl<'a> FrameSetup<'a> {
         let lit = scene.transfer.shaded() && lane.channels.normal_bits > 0 && !is_maximum;
         let lights = settings.lighting.filter(|_| lit).map(|lighting| Lights::new(&lighting, &view));
         let clip = ClipRegion::new(settings, grid);
-        Ok(FrameSetup { view, order, lane, lights, kernel, widths, low_pass, near_kernel, clip, is_maximum })
+        Ok(FrameSetup { view, order, lane, lights, kernel, widths, low_pass, near_kernel, clip })
     }
 }
 

@@ -3,7 +3,7 @@
 //! In: the picture of the parts in front. Out: which rectangles of pixels, and which tiles, the part cannot change by more
 //! than the transmittance at which rays end.
 
-use super::tile_buffer::{TILE_SHIFT, TileBuffer};
+use super::tile_buffer::TILE_SHIFT;
 use crate::error::Result;
 use crate::splat::frame::{Frame, zeroed};
 
@@ -49,10 +49,5 @@ impl Front {
     pub(super) fn hides_tile(&self, column: i32, row: i32) -> bool {
         let side = |tile: i32| [f64::from(tile << TILE_SHIFT), f64::from((tile << TILE_SHIFT) + 3)];
         self.hides(side(column), side(row))
-    }
-
-    /// Freezes the tiles of a band that are hidden. Their pixels let no light through.
-    pub(super) fn freeze(&self, tiles: &mut TileBuffer) {
-        tiles.freeze_fresh(|column, row| self.hides_tile(column, row));
     }
 }

@@ -185,9 +185,8 @@ impl FrameDraw<'_, '_, '_> {
     /// Returns the uniform of a part for a window.
     fn uniform(&self, shot: &Shot, window: [i32; 4]) -> FrameUniform {
         let looks = self.renderer.looks();
-        let mut uniform = FrameUniform::new(shot, window);
+        let mut uniform = FrameUniform::new(shot, window, self.blend);
         uniform.termination = self.termination;
-        uniform.initial_alpha = self.blend.initial_alpha();
         uniform.uses_magnitude = looks.on_device.uses_magnitude.into();
         uniform.mask_words = u32::try_from(mask_words(self.plan.slots.into())).expect("few words");
         uniform.scale_depths(looks.depth_factor(shot.view.mean_voxel));

@@ -9,6 +9,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::stages::BlendMode;
 use crate::arena::layout::line_end_bytes;
 use crate::arena::visible::MAX_DEPTH;
 use crate::splat::Lighting;
@@ -160,12 +161,12 @@ impl AffineRow {
 impl FrameUniform {
     /// Returns the uniform of `shot` for `window` (first column and row, one past the last column and row).
     ///
-    /// The caller fills in `termination`, `initial_alpha`, `uses_magnitude` and `mask_words`.
-    pub(crate) fn new(shot: &Shot, window: [i32; 4]) -> FrameUniform {
+    /// The caller fills in `termination`, `uses_magnitude` and `mask_words`.
+    pub(crate) fn new(shot: &Shot, window: [i32; 4], blend: BlendMode) -> FrameUniform {
         let Shot { view, kernel, widths, .. } = shot;
         let (dims, channels) = (shot.lane.dims, shot.lane.channels);
         let [sigma, cut_off] = [kernel.sigma, kernel.cut_off()];
-        let mut uniform = FrameUniform::zeroed();
+        let mut uniform = FrameUniform { initial_alpha: blend.initial_alpha(), ..FrameUniform::zeroed() };
         let padded = |v: [f32; 3]| [v[0], v[1], v[2], 0.0];
         let maps: &[Affine] = match &view.map {
             PixelMap::Parallel { pixel_from_voxel, scale } => {
@@ -199,7 +200,7 @@ impl FrameUniform {
                 camera_from_voxel
             }
         };
-        if shot.is_maximum {
+        if blend == BlendMode::Maximum {
             uniform.set_rays(&Rays::new(shot));
         }
         for (r, map) in maps.iter().enumerate() {

@@ -37,7 +37,8 @@ pub(super) fn paint(
     draw_block: impl FnMut(&VoxelBlock, &mut TileBuffer) -> u64,
 ) -> BandResult {
     if let Some(front) = task.front.filter(|_| task.projector.stop > 0.0) {
-        front.freeze(&mut tiles);
+        // Their pixels let no light through.
+        tiles.freeze_fresh(|column, row| front.hides_tile(column, row));
     }
     let mut painter = BandPainter { task, voxels: VoxelBlock::new(), tiles, draw_block, drawn: 0 };
     let mut stats = task.walk(&mut painter);
