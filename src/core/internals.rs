@@ -27,7 +27,7 @@ pub use crate::arena::{
     lane::STEPPING, pack::LanePacker, pager::IN_FLIGHT, record_set::RecordSet, transpose::transpose, visible::MAX_DEPTH,
 };
 pub use crate::build::{budget::Budget, description};
-pub use crate::volume::source::obtainable;
+pub use crate::volume::{phantom::fields::next_random, source::obtainable};
 
 /// The stages of the renderer on graphics devices: their record types, their shaders, and access to their buffers.
 #[cfg(feature = "gpu")]

@@ -10,6 +10,7 @@ use glam::DVec3;
 use super::CLEARANCE;
 use adjsplat::arena::layout::Facts;
 use adjsplat::error::Result;
+use adjsplat::internals::next_random;
 use adjsplat::splat::{Camera, KernelShape, MAX_SIZE, Projection, Quality, Surround, WorldFrame};
 
 /// The distance between the closest voxels, in pixels. Footprints of every kernel are then larger than the low-pass
@@ -201,11 +202,6 @@ struct RandomNumbers(u64);
 
 impl RandomNumbers {
     fn number(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = self.0;
-        bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ bits >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        bits ^= bits >> 31;
-        (bits >> 11) as f64 / (1u64 << 53) as f64
+        (next_random(&mut self.0) >> 11) as f64 / (1u64 << 53) as f64
     }
 }

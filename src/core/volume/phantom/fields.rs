@@ -36,12 +36,18 @@ pub(super) fn field(phantom: &Phantom, dims: [u32; 3]) -> Result<Field> {
     })
 }
 
-/// Hashes `index` to 64 well-mixed bits (the finaliser of SplitMix64, Steele et al. 2014).
-pub(super) fn hash(index: u64) -> u64 {
-    let mut bits = index.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x9e37_79b9_7f4a_7c15);
+/// Returns 64 random bits, and moves `state` to the next (SplitMix64, Steele et al. 2014).
+pub fn next_random(state: &mut u64) -> u64 {
+    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut bits = *state;
     bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     bits ^ (bits >> 31)
+}
+
+/// Hashes `index` to 64 well-mixed bits.
+pub(super) fn hash(index: u64) -> u64 {
+    next_random(&mut index.wrapping_mul(0x9e37_79b9_7f4a_7c15))
 }
 
 /// Rounds to a multiple of 2^-20, so that the last digit of a sine, which differs between platforms, has no effect.

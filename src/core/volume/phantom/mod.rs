@@ -7,7 +7,7 @@
 //! Source of the test signal: S. Marschner and R. Lobb, "An Evaluation of Reconstruction Filters for Volume
 //! Rendering", Visualization 1994, section 5.
 
-mod fields;
+pub(crate) mod fields;
 mod vessels;
 
 use crate::error::{Error, Result};

@@ -30,6 +30,7 @@ use super::allocate::reserved;
 use super::appearance::Appearance;
 use crate::Subject;
 use adjsplat::error::Result;
+use adjsplat::internals::next_random;
 
 /// A pointer to no record.
 const NONE: u32 = u32::MAX;
@@ -139,13 +140,4 @@ impl AdjacencyB {
         self.corners = self.corners.map(moved);
         Ok(())
     }
-}
-
-/// Returns the next random number (SplitMix64, Steele et al. 2014).
-fn next_random(state: &mut u64) -> u64 {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let mut bits = *state;
-    bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    bits = (bits ^ bits >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    bits ^ bits >> 31
 }
