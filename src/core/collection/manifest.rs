@@ -6,6 +6,7 @@ use std::path::{Component, Path};
 
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
+use serde_json::{Value, json};
 
 use super::levels::{Level, allowed, levels_of};
 use super::{Partition, PreviewEntry};
@@ -271,12 +272,14 @@ fn partition_of(dims: [u32; 3], bricks: &[BrickEntry]) -> Option<Partition> {
     Partition::of_boxes(dims, &boxes)
 }
 
+/// Returns a description as a JSON object; an empty one if it is none.
+pub(super) fn description_object(text: &str) -> Value {
+    serde_json::from_str(text).ok().filter(Value::is_object).unwrap_or_else(|| json!({}))
+}
+
 /// Returns the description of a brick: that of the whole, and where in the whole the brick lies.
 pub(super) fn brick_description(whole: &str, region: &Region, dims: [u32; 3]) -> String {
-    let mut description: serde_json::Value = serde_json::from_str(whole).unwrap_or(serde_json::Value::Null);
-    if !description.is_object() {
-        description = serde_json::json!({});
-    }
-    description["brick"] = serde_json::json!({ "low": region.low(), "size": region.size(), "of": dims });
+    let mut description = description_object(whole);
+    description["brick"] = json!({ "low": region.low(), "size": region.size(), "of": dims });
     description.to_string()
 }

@@ -10,12 +10,12 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::BrickEntry;
 use super::joined::JoinedRows;
 use super::levels::{Level, levels_of, rows_of};
-use super::manifest::fingerprint;
+use super::manifest::{description_object, fingerprint};
 use super::split::BrickPlace;
 use crate::arena::layout::{Channels, Facts};
 use crate::arena::{Levels, Region, Rows, Voxel};
@@ -125,10 +125,7 @@ fn part_of(brick: &Region, every: u32) -> Region {
 
 /// Returns the description of a preview: that of the whole, whose lengths stay those of the whole's voxels.
 fn description(whole: &str, grid: &Grid, every: u32, level: Option<u8>) -> String {
-    let mut description: Value = serde_json::from_str(whole).unwrap_or(Value::Null);
-    if !description.is_object() {
-        description = json!({});
-    }
+    let mut description = description_object(whole);
     let stored = serde_json::from_value::<TransferFunction>(description["transfer_function"].clone());
     let length = grid.mean_spacing();
     let kept = stored.map_err(|_| ()).and_then(|function| {
