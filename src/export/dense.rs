@@ -43,6 +43,20 @@ impl<'a> DenseVolume<'a> {
         &self.voxels.grid
     }
 
+    /// Returns numpy's name of the samples' type.
+    pub(crate) fn numpy_type(&self) -> &'static str {
+        match self.sample_type {
+            SampleType::U8 => "|u1",
+            SampleType::I8 => "|i1",
+            SampleType::U16 => "<u2",
+            SampleType::I16 => "<i2",
+            SampleType::U32 => "<u4",
+            SampleType::I32 => "<i4",
+            SampleType::F32 => "<f4",
+            SampleType::F64 => "<f8",
+        }
+    }
+
     /// Returns the number of bytes of all samples; below 2^51.
     pub(crate) fn bytes(&self) -> u64 {
         self.grid().points() * self.sample_type.bytes() as u64

@@ -10,7 +10,6 @@ use ::zip::{CompressionMethod, DateTime};
 
 use super::dense::DenseVolume;
 use super::output::{Progress, Written};
-use adjsplat::volume::SampleType;
 
 /// The header of an array ends at a multiple of this many bytes.
 const ALIGNMENT: usize = 64;
@@ -21,17 +20,7 @@ pub(crate) fn write(out: &mut dyn Write, volume: &DenseVolume, progress: &Progre
     let mut archive = ZipWriter::new_stream(out);
     let grid = volume.grid();
     let [nx, ny, nz] = grid.dims;
-    let sample_type = match volume.sample_type {
-        SampleType::U8 => "|u1",
-        SampleType::I8 => "|i1",
-        SampleType::U16 => "<u2",
-        SampleType::I16 => "<i2",
-        SampleType::U32 => "<u4",
-        SampleType::I32 => "<i4",
-        SampleType::F32 => "<f4",
-        SampleType::F64 => "<f8",
-    };
-    begin(&mut archive, "values", sample_type, &[nz, ny, nx], volume.bytes())?;
+    begin(&mut archive, "values", volume.numpy_type(), &[nz, ny, nx], volume.bytes())?;
     volume.write_slices(&mut archive, progress)?;
     let small: [(&str, &[u32], Vec<f64>); 3] = [
         ("spacing", &[3], grid.spacing.to_vec()),

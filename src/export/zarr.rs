@@ -21,7 +21,7 @@ use super::output::Progress;
 use super::units;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::write_folder_atomically;
-use adjsplat::volume::{Grid, SampleType};
+use adjsplat::volume::Grid;
 
 /// Points along each edge of a chunk.
 const CHUNK: u32 = 64;
@@ -138,17 +138,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 /// Returns the metadata of the level's array.
 fn level_array(volume: &DenseVolume) -> Value {
     let [nx, ny, nz] = volume.grid().dims;
-    let sample_type = match volume.sample_type {
-        SampleType::U8 => "|u1",
-        SampleType::I8 => "|i1",
-        SampleType::U16 => "<u2",
-        SampleType::I16 => "<i2",
-        SampleType::U32 => "<u4",
-        SampleType::I32 => "<i4",
-        SampleType::F32 => "<f4",
-        SampleType::F64 => "<f8",
-    };
-    array(&[nz, ny, nx], &[CHUNK; 3], sample_type, fill_value(volume))
+    array(&[nz, ny, nx], &[CHUNK; 3], volume.numpy_type(), fill_value(volume))
 }
 
 /// Returns the fill value as JSON; a whole number of an integer type must not be written with a point.

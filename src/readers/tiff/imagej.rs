@@ -7,6 +7,7 @@
 
 use std::path::Path;
 
+use super::check_slices;
 use super::page::Resolution;
 use crate::frame::FileFrame;
 use adjsplat::error::{Error, Result};
@@ -73,10 +74,7 @@ impl ImageJ {
             let expected = format!("{slices} slices x {channels} channels x {frames} frames");
             return Err(Error::format(path, 0, "TIFF ImageJ images", expected, format!("{count} pages")));
         }
-        if slices > u64::from(adjsplat::volume::MAX_DIM) {
-            let what = format!("{}: points along z", path.display());
-            return Err(Error::Limit { what, need: slices, have: adjsplat::volume::MAX_DIM.into() });
-        }
+        check_slices(path, slices)?;
         let (channel, frame) = (volume % self.channels, volume / self.channels);
         Ok((0..slices).map(|slice| (frame * slices + slice) * self.channels + channel).collect())
     }

@@ -115,7 +115,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
                 }
                 Description::Ome(ome) => ome.pages(path, listed.count, volume)?,
             };
-            check_slices(path, numbers.len())?;
+            check_slices(path, numbers.len() as u64)?;
             let first = numbers[0];
             pages.go_to(first)?;
             let shape = pages.shape()?;
@@ -132,7 +132,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
 /// Opens `files`, each of which has one page, as the slices of one volume; `folder` is the folder that holds them.
 pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     check_volume(options.volume_index.into(), 1)?;
-    check_slices(folder, files.len())?;
+    check_slices(folder, files.len() as u64)?;
     let mut first: Option<(PageShape, (Description, Resolution))> = None;
     let mut places = Vec::new();
     for (file, path) in files.iter().enumerate() {
@@ -193,8 +193,8 @@ fn finish(
 }
 
 /// Returns an error if there are more slices than an axis may have.
-fn check_slices(path: &Path, count: usize) -> Result<()> {
-    let (need, have) = (count as u64, u64::from(MAX_DIM));
+fn check_slices(path: &Path, need: u64) -> Result<()> {
+    let have = u64::from(MAX_DIM);
     if need > have {
         return Err(Error::Limit { what: format!("{}: points along z", path.display()), need, have });
     }

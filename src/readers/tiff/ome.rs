@@ -11,6 +11,7 @@ use std::path::Path;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
+use super::check_slices;
 use crate::frame::FileFrame;
 use crate::lines::{clip, one_line};
 use adjsplat::error::{Error, Result};
@@ -155,10 +156,7 @@ impl Ome {
     /// [`Error::Limit`] if there are too many slices.
     pub(super) fn pages(&self, path: &Path, count: usize, volume: u64) -> Result<Vec<usize>> {
         let [slices, channels, _] = self.sizes;
-        if slices > u64::from(adjsplat::volume::MAX_DIM) {
-            let what = format!("{}: points along z", path.display());
-            return Err(Error::Limit { what, need: slices, have: adjsplat::volume::MAX_DIM.into() });
-        }
+        check_slices(path, slices)?;
         let base = (volume % channels) * self.strides[1] + (volume / channels) * self.strides[2];
         let page_of = |plane: u64| {
             let after = self.runs.partition_point(|run| run.plane <= plane);
