@@ -6,14 +6,14 @@ use adjsplat::build::{BuildOptions, Resources};
 use adjsplat::collection::{self, Partition};
 use adjsplat::error::Error;
 use adjsplat::internals::{drawable, stored_transfer};
-use adjsplat::splat::{Camera, Orbit, Up};
+use adjsplat::splat::Camera;
 use numpy::PyArray3;
 use pyo3::prelude::*;
 
 use crate::build::{Packing, threads_or_all, warnings};
 use crate::errors::exception;
 use crate::model::Model;
-use crate::render::{Look, camera, picture};
+use crate::render::{self, Look, camera, picture};
 use crate::source::Source;
 use crate::transfer::parsed;
 use crate::watch::Watch;
@@ -239,13 +239,10 @@ impl Collection {
         perspective: Option<f64>,
         up: &str,
     ) -> PyResult<Vec<String>> {
-        let up = Up::from_name(up).map_err(exception)?;
-        let orbit = |[azimuth, elevation]: [f64; 2]| Orbit { azimuth, elevation, zoom, fov: perspective, up };
-        let orbits: Vec<Orbit> = orbits.into_iter().map(orbit).collect();
+        let orbits = render::orbits(&orbits, zoom, perspective, up)?;
         let settings = look.settings()?;
         let framed = || Camera::framing(&orbits, &self.0.outline(settings.crop)?, settings.size);
-        let cameras = py.detach(framed).map_err(exception)?;
-        Ok(cameras.iter().map(|camera| serde_json::to_string(camera).expect("numbers are finite")).collect())
+        py.detach(framed).map(|cameras| render::json(&cameras)).map_err(exception)
     }
 
     /// Returns the indices of the bricks that have files, the nearest first.

@@ -123,13 +123,20 @@ pub(crate) fn cameras(
     perspective: Option<f64>,
     up: &str,
 ) -> PyResult<Vec<String>> {
-    let up = Up::from_name(up).map_err(exception)?;
-    let orbit = |[azimuth, elevation]: [f64; 2]| Orbit { azimuth, elevation, zoom, fov: perspective, up };
-    let orbits: Vec<Orbit> = orbits.into_iter().map(orbit).collect();
+    let orbits = self::orbits(&orbits, zoom, perspective, up)?;
     let settings = look.settings()?;
-    let cameras = py.detach(|| model.0.cameras(&orbits, &settings)).map_err(exception)?;
-    let json = |camera: &Camera| serde_json::to_string(camera).expect("a camera's numbers are finite");
-    Ok(cameras.iter().map(json).collect())
+    py.detach(|| model.0.cameras(&orbits, &settings)).map(|cameras| json(&cameras)).map_err(exception)
+}
+
+/// Returns orbits, given as azimuth and elevation.
+pub(crate) fn orbits(angles: &[[f64; 2]], zoom: f64, fov: Option<f64>, up: &str) -> PyResult<Vec<Orbit>> {
+    let up = Up::from_name(up).map_err(exception)?;
+    Ok(angles.iter().map(|&[azimuth, elevation]| Orbit { azimuth, elevation, zoom, fov, up }).collect())
+}
+
+/// Returns each camera as JSON.
+pub(crate) fn json(cameras: &[Camera]) -> Vec<String> {
+    cameras.iter().map(|camera| serde_json::to_string(camera).expect("a camera's numbers are finite")).collect()
 }
 
 /// Draws a picture on the processor: linear light, premultiplied.
