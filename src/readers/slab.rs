@@ -35,7 +35,8 @@ impl Endian {
 /// What may follow the last sample in a file.
 ///
 /// Compressed streams and text mark their own end: if they hold more samples than the header states, the header is
-/// wrong. After uncompressed samples some writers leave padding, which may also be samples that the header does not state.
+/// wrong, whatever else may follow. After uncompressed samples some writers leave padding, which may also be samples that the
+/// header does not state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Tail {
     /// Nothing may follow; anything else is an error.
@@ -174,8 +175,8 @@ impl SlabReader {
             stream.read(slice, done..done + part)?;
             done += part;
             self.left -= part as u64;
-            if self.left == 0 && self.plan.tail == Tail::Nothing {
-                stream.expect_end()?;
+            if self.left == 0 && (self.plan.tail == Tail::Nothing || self.plan.codec.is_text()) {
+                stream.expect_end(self.plan.tail)?;
             }
         }
         Ok(())
@@ -329,7 +330,7 @@ fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Resu
                 return Err(Error::format(path, len, plan.rule, expected, got));
             }
         }
-        Codec::Text | Codec::TextToTag => {
+        Codec::Text | Codec::Shares | Codec::TextToTag => {
             // Each sample needs at least a digit and a space, the last one no space.
             let need = samples.saturating_mul(2).saturating_add(plan.byte_skip) - 1;
             if room < need {

@@ -14,6 +14,7 @@ use bzip2::bufread::MultiBzDecoder;
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 
 use super::files::{File, open_regular};
+use super::slab::Tail;
 use super::slc::SliceRuns;
 use super::tokens;
 use super::tokens::TextReader;
@@ -33,6 +34,8 @@ pub(super) enum Codec {
     Bzip2,
     /// Numbers as text, separated by white space or commas.
     Text,
+    /// Numbers from 0 to 1 as text, which stand for the bytes from 0 to 255.
+    Shares,
     /// Numbers as text, which ends at the next XML tag.
     TextToTag,
     /// A data array of a VTK XML file.
@@ -44,7 +47,7 @@ pub(super) enum Codec {
 impl Codec {
     /// Returns whether samples are numbers written as text.
     pub(super) fn is_text(self) -> bool {
-        matches!(self, Codec::Text | Codec::TextToTag)
+        matches!(self, Codec::Text | Codec::Shares | Codec::TextToTag)
     }
 }
 
@@ -79,6 +82,8 @@ pub(super) struct SampleStream {
     path: PathBuf,
     rule: &'static str,
     bytes_read: u64,
+    /// Whether text has shares of 255 instead of samples.
+    shares: bool,
     packed: Packed,
 }
 
@@ -116,7 +121,9 @@ impl SampleStream {
         reader.seek(SeekFrom::Start(at)).map_err(read_failed())?;
         skip_lines(&mut reader, line_skip).map_err(read_failed())?;
         let packed = match codec {
-            Codec::Text | Codec::TextToTag => Packed::Text(TextReader::new(reader, codec == Codec::TextToTag)),
+            Codec::Text | Codec::Shares | Codec::TextToTag => {
+                Packed::Text(TextReader::new(reader, codec == Codec::TextToTag))
+            }
             Codec::Bzip2 => Packed::Bzip2(MultiBzDecoder::new(reader)),
             Codec::SliceRuns(slice) => Packed::SliceRuns(SliceRuns::new(reader, slice)),
             Codec::Array(coding) => Packed::Array(Box::new(ArrayReader::open(path, reader, coding, rule)?)),
@@ -138,7 +145,7 @@ impl SampleStream {
                 }
             },
         };
-        Ok(SampleStream { path: path.to_path_buf(), rule, bytes_read: 0, packed })
+        Ok(SampleStream { path: path.to_path_buf(), rule, bytes_read: 0, shares: codec == Codec::Shares, packed })
     }
 
     /// Reads the samples with indices `range` of `slice`, without changing the file's byte order.
@@ -146,6 +153,11 @@ impl SampleStream {
         let width = slice.sample_type().bytes();
         if let Packed::Text(reader) = &mut self.packed {
             let place = tokens::ErrorSite { path: &self.path, rule: self.rule };
+            if self.shares
+                && let Samples::U8(samples) = slice
+            {
+                return tokens::read_shares(reader, &mut samples[range], place);
+            }
             return with_samples!(slice, samples => tokens::read_numbers(reader, &mut samples[range], place));
         }
         self.read_bytes(&mut slice.bytes_mut()[range.start * width..range.end * width])
@@ -190,14 +202,14 @@ impl SampleStream {
         }
     }
 
-    /// Checks that nothing follows the last sample: no decoded byte and no number.
+    /// Checks that nothing follows the last sample: no decoded byte and no number. Words may follow text before other arrays.
     ///
     /// This also verifies the checksum of a compressed stream.
-    pub(super) fn expect_end(&mut self) -> Result<()> {
+    pub(super) fn expect_end(&mut self, tail: Tail) -> Result<()> {
         let more = match &mut self.packed {
             Packed::Text(reader) => {
                 let place = tokens::ErrorSite { path: &self.path, rule: self.rule };
-                !tokens::at_end(reader, place)?
+                !tokens::at_end(reader, place)? && (tail != Tail::Arrays || tokens::number_follows(reader, place)?)
             }
             packed => read_some(packed, &mut [0]).map_err(|error| self.fault(error, 0))? > 0,
         };

@@ -137,6 +137,25 @@ pub(super) fn read_numbers<S: FromText>(
     Ok(())
 }
 
+/// Fills `samples` with 255 times the next numbers of the text, which are from 0 to 1.
+///
+/// # Errors
+/// As [`read_numbers`].
+pub(super) fn read_shares(reader: &mut TextReader, samples: &mut [u8], place: ErrorSite<'_>) -> Result<()> {
+    for sample in samples {
+        let mut share = [0.0f32];
+        read_numbers(reader, &mut share, place)?;
+        if !(0.0..=1.0).contains(&share[0]) {
+            let at = reader.position();
+            return Err(Error::format(place.path, at, place.rule, "a number from 0 to 1", share[0].to_string()));
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 255")]
+        let byte = (share[0] * 255.0).round() as u8;
+        *sample = byte;
+    }
+    Ok(())
+}
+
 /// Skips the next number; returns an error if there is none.
 pub(super) fn skip_number(reader: &mut TextReader, place: ErrorSite<'_>) -> Result<()> {
     next_token(reader, &mut [0; TOKEN_LIMIT], place).map(|_| ())
@@ -145,6 +164,12 @@ pub(super) fn skip_number(reader: &mut TextReader, place: ErrorSite<'_>) -> Resu
 /// Returns whether the text has nothing left but white space and commas.
 pub(super) fn at_end(reader: &mut TextReader, place: ErrorSite<'_>) -> Result<bool> {
     skip_separators(reader, place)
+}
+
+/// Returns whether the text goes on with a number, of which nothing is read.
+pub(super) fn number_follows(reader: &mut TextReader, place: ErrorSite<'_>) -> Result<bool> {
+    let ahead = reader.fill_buf().map_err(Error::io("read", place.path))?;
+    Ok(ahead.first().is_some_and(|byte| byte.is_ascii_digit() || b"+-.".contains(byte)))
 }
 
 /// Skips white space and commas; returns whether the text ends after them.

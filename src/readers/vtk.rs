@@ -1,9 +1,9 @@
 //! Reads VTK legacy files of structured points: numbers as text, or binary, which is always big endian.
 //!
-//! In: a `.vtk` file of any version. Out: a slab source (which reads slice by slice) over the first `SCALARS` array of
-//! points that has one component. Everything before that array (fields, vectors, normals, lookup tables, metadata) is
-//! skipped by its size. Keywords may be in upper or lower case, with blank lines between them. Any order is accepted in
-//! which the sizes are known in time.
+//! In: a `.vtk` file of any version. Out: a slab source (which reads slice by slice) over the first `SCALARS` or
+//! `COLOR_SCALARS` array of points that has one component; VTK writes all scalars of u8 as the latter. Everything before
+//! that array (fields, vectors, normals, lookup tables, metadata) is skipped by its size. Keywords may be in upper or lower
+//! case, with blank lines between them. Any order is accepted in which the sizes are known in time.
 //!
 //! Source: "VTK File Formats", the chapter on simple legacy formats (docs.vtk.org).
 
@@ -33,7 +33,11 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     }
     SlabReader::open(SampleFiles {
         header: plain_header(grid, array.sample_type, path, "VTK legacy"),
-        codec: if parser.binary { Codec::Raw } else { Codec::Text },
+        codec: match (parser.binary, array.is_colour) {
+            (true, _) => Codec::Raw,
+            (false, false) => Codec::Text,
+            (false, true) => Codec::Shares,
+        },
         endian: Endian::Big,
         files: vec![path.to_path_buf()],
         start: SampleStart::At(array.at),
@@ -51,6 +55,8 @@ struct LegacyArray {
     /// The byte offset of the array's first sample.
     at: u64,
     sample_type: SampleType,
+    /// Whether it is an array of colours, which text stores as shares of 255.
+    is_colour: bool,
 }
 
 struct VtkParser {
@@ -65,6 +71,8 @@ struct VtkParser {
     tuples: Option<u64>,
     /// The number of tuples of each array in the section of points.
     points: Option<u64>,
+    /// Whether the current section is that of points.
+    in_points: bool,
     /// Descriptions of skipped arrays that the user may have meant, for the error message if no array fits.
     passed: Vec<String>,
 }
@@ -94,13 +102,13 @@ impl VtkParser {
             origin: [0.0; 3],
             tuples: None,
             points: None,
+            in_points: false,
             passed: Vec::new(),
         })
     }
 
     /// Reads keywords up to the first array that can be read as a volume.
     fn find_scalars(&mut self) -> Result<LegacyArray> {
-        let mut in_points = false;
         while let Some(line) = next_full(&mut self.lines)? {
             let words: Vec<&str> = line.text.split_whitespace().collect();
             let Some((keyword, arguments)) = words.split_first() else { continue };
@@ -118,17 +126,25 @@ impl VtkParser {
                 "POINT_DATA" => {
                     self.tuples = Some(self.number(&line, arguments.first().copied())?);
                     self.points = self.tuples;
-                    in_points = true;
+                    self.in_points = true;
                 }
                 "CELL_DATA" => {
                     self.tuples = Some(self.number(&line, arguments.first().copied())?);
-                    in_points = false;
+                    self.in_points = false;
                 }
                 "SCALARS" => {
                     let components = arguments.get(2).map_or(Ok(1), |word| self.number(&line, Some(word)))?;
-                    if let Some(array) = self.scalars(&line, arguments, components, in_points)? {
+                    if let Some(array) = self.scalars(&line, arguments, components)? {
                         return Ok(array);
                     }
+                }
+                "COLOR_SCALARS" => {
+                    let components = self.number(&line, arguments.get(1).copied())?;
+                    if self.in_points && components == 1 {
+                        let at = self.lines.position();
+                        return Ok(LegacyArray { at, sample_type: SampleType::U8, is_colour: true });
+                    }
+                    self.skip_array(&line, "unsigned_char", components)?;
                 }
                 other => self.skip(&line, other, arguments)?,
             }
@@ -140,13 +156,7 @@ impl VtkParser {
     }
 
     /// Returns the array that starts at `line` (a SCALARS line); if it cannot be a volume, skips it and returns `None`.
-    fn scalars(
-        &mut self,
-        line: &HeaderLine,
-        arguments: &[&str],
-        components: u64,
-        in_points: bool,
-    ) -> Result<Option<LegacyArray>> {
+    fn scalars(&mut self, line: &HeaderLine, arguments: &[&str], components: u64) -> Result<Option<LegacyArray>> {
         let type_name = arguments.get(1).copied().unwrap_or("nothing");
         // The line LOOKUP_TABLE is optional. In a binary file, a line end at this place may be part of the first
         // sample.
@@ -156,18 +166,12 @@ impl VtkParser {
         if self.lines.next_is("LOOKUP_TABLE")? {
             self.lines.next()?;
         }
-        if in_points && components == 1 {
+        if self.in_points && components == 1 {
             let sample_type = sample_type(type_name).ok_or_else(|| {
                 let expected = format!("one of {} (VTK: unsigned_char ... double)", type_names());
                 self.fault(line.at, "VTK SCALARS", expected, clip(type_name))
             })?;
-            return Ok(Some(LegacyArray { at: self.lines.position(), sample_type }));
-        }
-        let section = if in_points { "point" } else { "cell" };
-        // The names of a few arrays are enough to understand what the file holds.
-        if self.passed.len() < 4 {
-            let name = clip(arguments.first().copied().unwrap_or(""));
-            self.passed.push(format!("{section} array {name} of {components} components"));
+            return Ok(Some(LegacyArray { at: self.lines.position(), sample_type, is_colour: false }));
         }
         self.skip_array(line, type_name, components)?;
         Ok(None)
@@ -184,10 +188,6 @@ impl VtkParser {
             "TEXTURE_COORDINATES" => {
                 let components = self.number(line, arguments.get(1).copied())?;
                 self.skip_array(line, type_at(2), components)
-            }
-            "COLOR_SCALARS" => {
-                let components = self.number(line, arguments.get(1).copied())?;
-                self.skip_array(line, "unsigned_char", components)
             }
             "LOOKUP_TABLE" => {
                 let entries = self.number(line, arguments.get(1).copied())?;
@@ -224,6 +224,9 @@ impl VtkParser {
         let components = self.number(line, words.get(1).copied())?;
         let tuples = self.number(line, words.get(2).copied())?;
         let type_name = words.get(3).copied().unwrap_or("nothing");
+        if self.tuples.is_some() {
+            self.pass("FIELD array", words[0], components);
+        }
         self.skip_values(line, type_name, components.saturating_mul(tuples))
     }
 
@@ -241,7 +244,16 @@ impl VtkParser {
         let Some(tuples) = self.tuples else {
             return Err(self.fault(line.at, "VTK keyword", "POINT_DATA before any array", clip(&line.text)));
         };
+        self.pass("array", line.text.split_whitespace().nth(1).unwrap_or(""), components);
         self.skip_values(line, type_name, components.saturating_mul(tuples))
+    }
+
+    /// Notes an array that is skipped. The names of a few are enough to understand what the file holds.
+    fn pass(&mut self, kind: &str, name: &str, components: u64) {
+        if self.passed.len() < 4 {
+            let (section, s) = (if self.in_points { "point" } else { "cell" }, if components == 1 { "" } else { "s" });
+            self.passed.push(format!("{section} {kind} {} of {components} component{s}", clip(name)));
+        }
     }
 
     fn skip_values(&mut self, line: &HeaderLine, type_name: &str, values: u64) -> Result<()> {

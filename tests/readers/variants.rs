@@ -390,6 +390,56 @@ fn vtk_arrays_before_the_scalars_are_skipped() {
     expect_known(&path, SampleType::F32);
 }
 
+/// VTK writes scalars of u8 in no other way; as text they are shares of 255.
+#[test]
+fn vtk_colour_scalars_of_one_component_are_read_as_u8() {
+    let folder = Folder::new();
+    let packed = known(SampleType::U8);
+    let head = |coding: &str, array: &str| {
+        format!(
+            "# vtk DataFile Version 5.1\nt\n{coding}\nDATASET STRUCTURED_POINTS\nDIMENSIONS 4 3 2\nPOINT_DATA 24\n{array}\n"
+        )
+    };
+    expect_known(
+        &folder.write("a.vtk", &[head("BINARY", "COLOR_SCALARS s 1").as_bytes(), packed.bytes()]),
+        SampleType::U8,
+    );
+    // As many digits as VTK writes.
+    let shares: String = packed.bytes().iter().map(|byte| format!("{:.6} ", f32::from(*byte) / 255.0)).collect();
+    let ascii = head("ASCII", "color_scalars s 1");
+    expect_known(&folder.write("b.vtk", &[ascii.as_bytes(), shares.as_bytes(), b"\nVECTORS v int"]), SampleType::U8);
+    let beyond = folder.write("c.vtk", &[ascii.as_bytes(), shares.replace("1.0", "1.1").as_bytes()]);
+    expect_refused(&beyond, &OpenOptions::new(), &["a number from 0 to 1", "1.1"]);
+    let others = "COLOR_SCALARS c 3\n".to_string() + &"1 ".repeat(72) + "\nFIELD f 1\nd 1 24 int\n" + &"5 ".repeat(24);
+    let path = folder.write("d.vtk", &[head("ASCII", &others).as_bytes()]);
+    let named = ["point array \"c\" of 3 components", "point FIELD array \"d\" of 1 component"];
+    expect_refused(&path, &OpenOptions::new(), &named);
+}
+
+#[test]
+fn numbers_beyond_the_dimensions_of_vtk_text_are_refused() {
+    let folder = Folder::new();
+    let numbers = text(&known(SampleType::I16));
+    let head = "# vtk DataFile Version 3.0\nt\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 4 3 2\nPOINT_DATA 24\n\
+                SCALARS s short\nLOOKUP_TABLE default\n";
+    let vti = "<VTKFile type=\"ImageData\"><ImageData WholeExtent=\"0 3 0 2 0 1\"><Piece><PointData>\
+               <DataArray type=\"Int16\" format=\"ascii\">";
+    for (name, head, rest) in
+        [("a.vtk", head, "SCALARS t int\nLOOKUP_TABLE default\n1 2 3"), ("a.vti", vti, "</DataArray>")]
+    {
+        let write =
+            |more: &str| folder.write(name, &[head.as_bytes(), numbers.as_bytes(), more.as_bytes(), rest.as_bytes()]);
+        expect_known(&write(" \n"), SampleType::I16);
+        for more in ["7 ", "\n-7\n", " .5 8 9\n"] {
+            expect_refused(
+                &write(more),
+                &OpenOptions::new(),
+                &["nothing after the last sample", "check the dimensions"],
+            );
+        }
+    }
+}
+
 #[test]
 fn flat_images_are_one_slice() {
     let folder = Folder::new();
