@@ -494,6 +494,49 @@ fn an_enhanced_object_is_sorted_by_its_functional_groups() {
     refused(&none.write(&folder, "d.dcm"), &["Number of Frames", "at least 1"]);
 }
 
+/// Three frames of one position, as of a dose.
+fn frames_of_one_position(offsets: &str) -> Elements {
+    let pixels: Vec<u8> = [7, 8, 9].iter().flat_map(|value| [*value; 12]).collect();
+    let frames = slice(SampleType::U8, &pixels, 5.0).text(0x28, 0x08, "IS", "3").text(0x18, 0x50, "DS", "9");
+    if offsets.is_empty() { frames } else { frames.text(0x3004, 0x0c, "DS", offsets) }
+}
+
+#[test]
+fn frames_of_one_position_are_stacked_by_their_offsets() {
+    let folder = Folder::new();
+    let axial = "1\\0\\0\\0\\1\\0";
+    let head_first = "1\\0\\0\\0\\-1\\0";
+    let sagittal = "0\\1\\0\\0\\0\\-1";
+    for (offsets, orientation, origin, values) in [
+        ("0\\2.5\\5", axial, [-10.0, -20.0, 5.0], [7.0, 8.0, 9.0]),
+        ("0\\-2.5\\-5", axial, [-10.0, -20.0, 0.0], [9.0, 8.0, 7.0]),
+        // They are z coordinates, whatever the normal.
+        ("5\\7.5\\10", axial, [-10.0, -20.0, 5.0], [7.0, 8.0, 9.0]),
+        ("5\\7.5\\10", head_first, [-10.0, -20.0, 10.0], [9.0, 8.0, 7.0]),
+        ("0\\2.5\\5", sagittal, [-10.0, -20.0, 5.0], [7.0, 8.0, 9.0]),
+    ] {
+        let elements = frames_of_one_position(offsets).text(0x20, 0x37, "DS", orientation);
+        let got = read(&elements.write(&folder, "a.dcm")).unwrap_or_else(|error| panic!("{offsets}: {error}"));
+        let grid = &got.header.grid;
+        assert_eq!((grid.spacing, grid.origin), ([0.25, 0.5, 2.5], origin), "{offsets} {orientation}");
+        assert_eq!(firsts(&got), values, "{offsets} {orientation}");
+    }
+    let dose = frames_of_one_position("0\\2\\4").text(0x3004, 0x0e, "DS", "0.25");
+    assert_eq!(read(&dose.write(&folder, "a.dcm")).unwrap_or_else(|error| panic!("{error}")).header.slope, 0.25);
+    let spaced = frames_of_one_position("").text(0x18, 0x88, "DS", "4");
+    let got = read(&spaced.write(&folder, "a.dcm")).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!((got.header.grid.spacing[2], firsts(&got)), (4.0, vec![7.0, 8.0, 9.0]));
+    for (offsets, parts) in [
+        ("", ["one position for all its frames", "neither a Grid Frame Offset Vector nor a Spacing"]),
+        ("0\\1", ["Grid Frame Offset Vector", "3 finite numbers"]),
+        ("4\\5\\6", ["Grid Frame Offset Vector: expected 0 at first", "got 4"]),
+    ] {
+        refused(&frames_of_one_position(offsets).write(&folder, "a.dcm"), &parts);
+    }
+    let many = (0..1000).map(|frame| format!("{frame}.00000\\")).collect::<String>();
+    refused(&frames_of_one_position(&many).write(&folder, "a.dcm"), &["Grid Frame Offset Vector", "3 finite numbers"]);
+}
+
 #[test]
 fn frames_without_positions_are_stacked_in_their_order() {
     let folder = Folder::new();

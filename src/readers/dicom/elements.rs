@@ -31,8 +31,12 @@ use adjsplat::error::{Error, Result};
 /// The deepest supported nesting of sequences and items; enhanced objects use four levels.
 const DEEPEST: usize = 64;
 
-/// The largest supported length of a value, in bytes: the longest value that is needed has six decimal numbers.
+/// The largest supported length of a value, in bytes: the longest value that is needed has six decimal numbers, but for one
+/// that has a number for each frame.
 const LONGEST_VALUE: u64 = 4096;
+
+/// The largest length of the Grid Frame Offset Vector, in bytes: numbers of 16 characters and backslashes.
+const LONGEST_OFFSETS: u64 = 17 * MAX_FILES;
 
 /// The largest supported number of fragments in a file: eight for each frame of the largest number of frames.
 const MOST_FRAGMENTS: usize = 1 << 19;
@@ -163,7 +167,7 @@ impl<'a> ElementReader<'a> {
             let len =
                 header.len.ok_or_else(|| self.fault(start, "DICOM meta group", "defined lengths", "undefined"))?;
             if header.tag == tags::TRANSFER_SYNTAX {
-                syntax = Some(text(&self.value(start, len)?));
+                syntax = Some(text(&self.value(start, len, LONGEST_VALUE)?));
             } else {
                 self.skip(start, len)?;
             }
@@ -315,7 +319,8 @@ impl<'a> ElementReader<'a> {
             },
             _ => return self.skip(start, len),
         };
-        let mut value = self.value(start, len)?;
+        let longest = if tag == tags::FRAME_OFFSETS { LONGEST_OFFSETS } else { LONGEST_VALUE };
+        let mut value = self.value(start, len, longest)?;
         if self.coding.endian == Endian::Big && tags::NUMBERS.contains(&tag) {
             value.reverse();
         }
@@ -403,11 +408,11 @@ impl<'a> ElementReader<'a> {
         Ok(ElementHeader { tag, vr: Some(vr), len })
     }
 
-    /// Reads the value of `len` bytes that begins here; the element begins at byte `start`, which errors name.
-    fn value(&mut self, start: u64, len: u32) -> Result<Vec<u8>> {
-        if u64::from(len) > LONGEST_VALUE {
+    /// Reads the value of `len` bytes, at most `longest`, that begins here; the element begins at byte `start`, which errors name.
+    fn value(&mut self, start: u64, len: u32, longest: u64) -> Result<Vec<u8>> {
+        if u64::from(len) > longest {
             let got = format!("{len} bytes");
-            return Err(self.fault(start, "DICOM element", format!("a value of at most {LONGEST_VALUE} bytes"), got));
+            return Err(self.fault(start, "DICOM element", format!("a value of at most {longest} bytes"), got));
         }
         self.end_of(start, len)?;
         let mut value = vec![0; len as usize];

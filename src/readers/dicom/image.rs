@@ -3,7 +3,8 @@
 //! In: the file's elements. Out: an [`ImageFile`] and its [`DicomFrame`]s. Values are looked up in the frame's
 //! functional groups, then in the shared ones, then at the root, so that enhanced and plain objects are read alike.
 //!
-//! Source: DICOM PS3.3, C.7.6.2 (image plane), C.7.6.3 (image pixel), C.7.6.16 (functional groups), C.11.1 (rescale).
+//! Source: DICOM PS3.3, C.7.6.2 (image plane), C.7.6.3 (image pixel), C.7.6.16 (functional groups), C.8.8.3.2 (offsets of
+//! frames), C.11.1 (rescale).
 
 use std::path::{Path, PathBuf};
 
@@ -13,6 +14,7 @@ use super::tags;
 use super::tags::Tag;
 use crate::file_list::MAX_FILES;
 use crate::frame::{cross, length};
+use crate::lines::clip;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{MAX_DIM, SampleType};
 
@@ -141,6 +143,10 @@ pub(super) fn read(elements: DicomElements, file: usize) -> Result<FileContent> 
             Attributes { path: &elements.path, sources: vec![frame_values, &elements.shared, &elements.root] };
         frames.push(attributes.frame(file, index)?);
     }
+    let has_own = |values: &TagValues| values.contains_key(&tags::POSITION);
+    if frame_count > 1 && !has_own(&elements.shared) && !elements.per_frame.iter().any(has_own) {
+        root.step_frames(&mut frames)?;
+    }
     let has_lut = elements.root.contains_key(&tags::MODALITY_LUT);
     let path = elements.path;
     Ok(FileContent::Image(ImageFile { path, series, size, layout, codec, pixels, first_fragments, has_lut }, frames))
@@ -240,14 +246,48 @@ impl Attributes<'_> {
 
     /// Returns the `N` numbers of `tag`, which are written as text.
     fn decimals<const N: usize>(&self, tag: Tag, rule: &'static str) -> Result<Option<[f64; N]>> {
+        let numbers = self.list(tag, rule, N)?;
+        Ok(numbers.and_then(|numbers| <[f64; N]>::try_from(numbers).ok()))
+    }
+
+    /// Returns the `count` numbers of `tag`, which are written as text.
+    fn list(&self, tag: Tag, rule: &'static str, count: usize) -> Result<Option<Vec<f64>>> {
         let Some(value) = self.value(tag) else { return Ok(None) };
         let text = text(value);
         let numbers: Option<Vec<f64>> = text.split('\\').map(|word| word.trim().parse().ok()).collect();
-        let numbers = numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
-        match numbers.and_then(|numbers| <[f64; N]>::try_from(numbers).ok()) {
+        match numbers.filter(|all| all.len() == count && all.iter().all(|number| number.is_finite())) {
             Some(numbers) => Ok(Some(numbers)),
-            None => Err(self.fault(rule, format!("{N} finite numbers"), format!("\"{}\"", text.escape_debug()))),
+            None => Err(self.fault(rule, format!("{count} finite numbers"), clip(&text))),
         }
+    }
+
+    /// Moves `frames`, which all have the position of their file, along their normal: by the Grid Frame Offset Vector, else by
+    /// the Spacing Between Slices. Without either they stay at one place.
+    fn step_frames(&self, frames: &mut [DicomFrame]) -> Result<()> {
+        const RULE: &str = "DICOM Grid Frame Offset Vector";
+        let Some(ImagePlane { position, orientation: [row, column] }) = frames[0].place else { return Ok(()) };
+        let normal = cross(row, column);
+        let offsets = match self.list(tags::FRAME_OFFSETS, RULE, frames.len())? {
+            Some(offsets) if offsets[0] == 0.0 => offsets,
+            // They are z coordinates, if slices are axial.
+            Some(offsets) if offsets[0] == position[2] && normal[2].abs() > 0.999 => {
+                offsets.iter().map(|z| (z - position[2]) / normal[2]).collect()
+            }
+            Some(offsets) => {
+                let expected = "0 at first, or, of axial slices, the z of Image Position (Patient)";
+                return Err(self.fault(RULE, expected, offsets[0].to_string()));
+            }
+            None => {
+                let step = self.length(tags::SLICE_SPACING, "DICOM Spacing Between Slices")?.unwrap_or(0.0);
+                (0..frames.len()).map(|index| index as f64 * step).collect()
+            }
+        };
+        for (frame, offset) in frames.iter_mut().zip(offsets) {
+            if let Some(place) = &mut frame.place {
+                place.position = [0, 1, 2].map(|c| position[c] + offset * normal[c]);
+            }
+        }
+        Ok(())
     }
 
     /// Returns the length of `tag` in mm; `None` also for 0 and below, which mean that it is unknown.
@@ -317,9 +357,12 @@ impl Attributes<'_> {
             Some(depth) => Some(depth),
             None => self.length(tags::SLICE_THICKNESS, "DICOM Slice Thickness")?,
         };
-        let slope = self.decimals::<1>(tags::SLOPE, "DICOM Rescale Slope")?.map_or(1.0, |[slope]| slope);
-        if slope == 0.0 {
-            return Err(self.fault("DICOM Rescale Slope", "a slope that is not 0", "0"));
+        let mut slope = 1.0;
+        for (tag, rule) in [(tags::SLOPE, "DICOM Rescale Slope"), (tags::DOSE_SCALING, "DICOM Dose Grid Scaling")] {
+            slope *= self.decimals::<1>(tag, rule)?.map_or(1.0, |[slope]| slope);
+            if slope == 0.0 {
+                return Err(self.fault(rule, "a slope that is not 0", "0"));
+            }
         }
         Ok(DicomFrame {
             file,

@@ -195,7 +195,7 @@ fn stack_by_position(
         let least = UNEVEN * if median > 0.0 { median } else { largest };
         // The comparison is `<=` so that it also finds steps that are all 0.
         if let Some(at) = steps.iter().position(|step| *step <= least) {
-            return Err(same_place(what, files, &frames[at], &frames[at + 1]));
+            return Err(same_place(what, files, &frames, at));
         }
         tell_uneven(files, &frames, &steps, median, notes);
         let last = position(&frames[frames.len() - 1]);
@@ -226,8 +226,9 @@ fn slant(whole: [f64; 3], normal: [f64; 3], step: f64, notes: &mut Vec<String>) 
     (step / cosine, axis)
 }
 
-/// Returns the error for two frames at one position; it says how they differ if that is known.
-fn same_place(what: &str, files: &[ImageFile], a: &DicomFrame, b: &DicomFrame) -> Error {
+/// Returns the error for the frames `at` and the next, at one position; it says how they differ if that is known.
+fn same_place(what: &str, files: &[ImageFile], frames: &[DicomFrame], at: usize) -> Error {
+    let (a, b) = (&frames[at], &frames[at + 1]);
     let shown = |frame: &DicomFrame| {
         let path = file_name(&files[frame.file].path);
         if a.file == b.file { format!("frame {} of {path}", frame.index) } else { path }
@@ -240,6 +241,11 @@ fn same_place(what: &str, files: &[ImageFile], a: &DicomFrame, b: &DicomFrame) -
         let pair = a.iter().zip(&b).find(|(a, b)| a.1 != b.1);
         pair.map(|(a, _)| format!("; they differ in {}", a.0))
     });
+    if differ.is_none() && frames.iter().all(|frame| (frame.file, frame.place) == (a.file, a.place)) {
+        let why =
+            "has one position for all its frames, and neither a Grid Frame Offset Vector nor a Spacing Between Slices";
+        return Error::input(files[a.file].path.display().to_string(), why);
+    }
     let why = format!(
         "{} and {} are at the same place{}; keep the files of one echo, time or copy in the folder",
         shown(a),
