@@ -585,6 +585,10 @@ fn imagej_says_spacing_unit_and_the_line_from_samples_to_values() {
     assert_eq!(header.grid.unit.as_deref(), Some("um"));
     let header = header_of(&folder, &lines("cf=0\nc0=-32768.0\nc1=1.5\nvunit=HU\n"), None);
     assert_eq!((header.slope, header.intercept), (1.5, -32768.0));
+    // 72 per inch, without a unit and with one.
+    let inch = Some(([72, 1], [36, 1], 2));
+    assert_eq!(header_of(&folder, &lines(""), inch).grid.spacing, [1.0, 2.0, 1.0]);
+    assert!(near(header_of(&folder, &lines("unit=inch\n"), inch).grid.spacing, [1.0 / 72.0, 1.0 / 36.0, 1.0]));
     // A curve is no line: samples stay what they are.
     let header = header_of(&folder, &lines("cf=3\nc0=1\nc1=2\n"), None);
     assert_eq!((header.slope, header.intercept), (1.0, 0.0));
@@ -663,6 +667,22 @@ fn imagej_stacks_of_one_directory_have_all_their_samples() {
         refused(&folder.write("a.tif", &[&tiff.file(&numbered(&tiff))]), &[want, "6 pages"]);
         refused(&folder.write("a.tif", &[&contiguous(&tiff, &numbered(&tiff))]), &[want, "6 pages"]);
     }
+}
+
+#[test]
+fn imagej_stacks_of_one_directory_are_no_slices_of_a_folder() {
+    let tiff = Tiff::described(SampleType::U16, "ImageJ=1.54f\nimages=6\nslices=6\n");
+    let folder = Folder::new();
+    for name in ["a.tif", "b.tif"] {
+        folder.write(name, &[&contiguous(&tiff, &numbered(&tiff))]);
+    }
+    refused(folder.path(), &["a.tif", "holds 6 pages, but files of a stack have one each"]);
+    // A slice that was taken out of a stack may keep the description.
+    let tiff = Tiff::described(SampleType::U16, "ImageJ=1.54f\nimages=600\nslices=600\n");
+    for name in ["a.tif", "b.tif"] {
+        folder.write(name, &[&tiff.file(&numbered(&tiff)[..1])]);
+    }
+    assert_eq!(volumes_of(folder.path(), 1), [[0.0, 0.0]]);
 }
 
 fn ome(pixels: &str, inside: &str) -> String {
@@ -830,6 +850,8 @@ fn pages_that_cannot_be_read_are_named_with_what_would_do() {
         (258, 64, ["one of u8", "64 bits"]),
         (339, 3, ["one of u8", "floating-point numbers of 16 bits"]),
         (339, 6, ["one of u8", "unknown kind"]),
+        (266, 2, ["TIFF FillOrder", "the lowest bit first"]),
+        (317, 2, ["TIFF predictor", "1 for samples that are not compressed"]),
         (259, 6, ["LZW, deflate", "Technical Note 2"]),
         (259, 7, ["intact compressed stream", "JPEG"]),
         (259, 34_887, ["LZW, deflate", "LERC"]),

@@ -85,6 +85,8 @@ impl ImageJ {
         if resolution.unit == 3 && self.unit.as_deref() == Some("um") {
             // Some programs write the resolution tags per centimetre, but a description in micrometres.
             pixel = pixel.map(|size| size * 1e4);
+        } else if self.unit.is_none() && resolution.is_default() {
+            pixel = [1.0, pixel[1] / pixel[0]];
         }
         FileFrame { unit: self.unit.clone(), ..FileFrame::upright([pixel[0], pixel[1], self.spacing]) }
     }

@@ -139,9 +139,7 @@ pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptio
         let mut pages = TiffPages::open(path)?;
         let listed = pages.list()?;
         if listed.full.len() > 1 {
-            let count = listed.full.len();
-            let why = format!("holds {count} pages, but files of a stack have one each; name the file itself");
-            return Err(Error::input(path.display().to_string(), why));
+            return Err(not_one_page(path, listed.full.len() as u64));
         }
         pages.go_to(listed.full[0])?;
         let shape = match &first {
@@ -158,6 +156,12 @@ pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptio
                 shape
             }
         };
+        if let Description::ImageJ(imagej) = Description::read(path, &mut pages)?
+            && imagej.images > 1
+            && pages.contiguous(&shape, imagej.images).is_ok()
+        {
+            return Err(not_one_page(path, imagej.images));
+        }
         pages.check(&shape, &file_name(&files[0]))?;
         places.push(SliceLocation::Page { file, page: listed.full[0] });
     }
@@ -165,6 +169,11 @@ pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptio
         Some((shape, told)) => finish(folder, files, places, shape, options, &told, None),
         None => Err(Error::input(folder.display().to_string(), "holds no TIFF files")),
     }
+}
+
+fn not_one_page(path: &Path, count: u64) -> Error {
+    let why = format!("holds {count} pages, but files of a stack have one each; name the file itself");
+    Error::input(path.display().to_string(), why)
 }
 
 /// Returns the slab source over the slices at `places`; `told` is the description and the resolution in the first file.
@@ -209,7 +218,7 @@ fn plain_frame(resolution: &Resolution) -> FileFrame {
         _ => None,
     };
     let [x, y] = resolution.pixel();
-    if resolution.unit == 2 && (x * 72.0 - 1.0).abs() < 1e-6 {
+    if resolution.is_default() {
         return FileFrame::upright([1.0, y / x, 1.0]);
     }
     let unit = millimetres.filter(|_| resolution.is_given()).map(|_| "mm".to_string());

@@ -97,6 +97,11 @@ impl Resolution {
         [x.or(y), y.or(x)].map(|pixels| 1.0 / pixels.unwrap_or(1.0))
     }
 
+    /// Returns whether there are 72 pixels per inch along x, as writers put that know no resolution.
+    pub(super) fn is_default(&self) -> bool {
+        self.unit == 2 && (self.pixel()[0] * 72.0 - 1.0).abs() < 1e-6
+    }
+
     /// Returns whether the page has resolution tags.
     pub(super) fn is_given(&self) -> bool {
         self.per_unit != [None, None]
@@ -202,13 +207,24 @@ impl TiffPages {
             }
         };
         let bits = u32::try_from(bits).expect("one of those above");
-        if bits < 8 && (self.number_tag(Tag::Predictor)?.unwrap_or(1) != 1 || self.compression()? == jpeg::METHOD) {
+        let (predictor, compression) = (self.number_tag(Tag::Predictor)?.unwrap_or(1), self.compression()?);
+        // JPEG ignores the tag, as libtiff does.
+        if compression != jpeg::METHOD && self.number_tag(Tag::FillOrder)?.unwrap_or(1) != 1 {
+            let got = format!("2, the lowest bit first, in page {}", self.number);
+            return Err(self.format_fault("TIFF FillOrder", "1, the highest bit first (save it again with that)", got));
+        }
+        if bits < 8 && (predictor != 1 || compression == jpeg::METHOD) {
             let expected = "samples of at least 8 bits under a predictor or JPEG";
             return Err(self.format_fault(
                 "TIFF sample type",
                 expected,
                 format!("{bits} bits in page {}", self.number),
             ));
+        }
+        // Programs disagree: libtiff ignores such a predictor, the `tiff` crate and others apply it.
+        if predictor != 1 && matches!(compression, 1 | 32_773) {
+            let expected = "1 for samples that are not compressed, or by PackBits (save it again without a predictor)";
+            return Err(self.format_fault("TIFF predictor", expected, format!("{predictor} in page {}", self.number)));
         }
         let across = self.decoder.chunk_dimensions().0;
         if across < width && !(u64::from(across) * u64::from(bits)).is_multiple_of(8) {
