@@ -125,6 +125,12 @@ pub(super) fn data_file(path: &Path, name: &str, options: &OpenOptions) -> Resul
     Ok(path.parent().unwrap_or(Path::new("")).join(name))
 }
 
+/// Returns what follows `LIST` in `value`, the dimensions of each file; `None` if `value` is the name of a file.
+pub(super) fn list_dimensions(value: &str) -> Option<&str> {
+    let after = value.strip_prefix("LIST")?;
+    (after.is_empty() || after.starts_with(char::is_whitespace)).then(|| after.trim())
+}
+
 /// Returns the paths of the files that the remaining `lines` name, one per line.
 pub(super) fn listed_files(header: &Path, lines: &mut HeaderLines, options: &OpenOptions) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();

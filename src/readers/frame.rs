@@ -95,7 +95,12 @@ impl FileFrame {
         let spacing = spacing.unwrap_or(self.spacing);
         if !spacing.iter().all(|step| step.is_finite() && *step > 0.0) {
             let [x, y, z] = spacing;
-            let expected = "three spacings above 0 (others can be given with `OpenOptions::spacing`)";
+            // Other spacings are of no use for axes without a direction.
+            let has_directions = self.direction.iter().all(|axis| length(*axis).is_finite() && length(*axis) > 0.0);
+            let expected = match has_directions {
+                true => "three spacings above 0 (others can be given with `OpenOptions::spacing`)",
+                false => "three spacings above 0, along three independent directions",
+            };
             return Err(Error::format(path, 0, rule, expected, format!("{x}, {y}, {z}")));
         }
         let signs = self.world.signs();

@@ -9,7 +9,7 @@
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use super::file_list::{FilePattern, check_count, data_file, listed_files};
+use super::file_list::{FilePattern, check_count, data_file, list_dimensions, listed_files};
 use super::files::open_regular;
 use super::frame::{FileFrame, IDENTITY, World};
 use super::lines::{HeaderLine, HeaderLines, clip};
@@ -159,7 +159,12 @@ impl MetaImageFields {
             return Err(Error::format(path, at, "MetaImage ElementNumberOfChannels", "1", clip(value)));
         }
         let (value, at) = self.require(path, "ElementType")?;
-        let name = value.strip_prefix("MET_").unwrap_or_default();
+        let name = match value.strip_prefix("MET_").unwrap_or_default() {
+            // MetaIO stores these in four bytes, whatever a `long` has.
+            "ULONG" => "UINT",
+            "LONG" => "INT",
+            other => other,
+        };
         type_by_name(name, ["UCHAR", "CHAR", "USHORT", "SHORT", "UINT", "INT", "FLOAT", "DOUBLE"]).ok_or_else(|| {
             let expected = format!("one of {} (MET_UCHAR ... MET_DOUBLE)", type_names());
             Error::format(path, at, "MetaImage ElementType", expected, clip(value))
@@ -205,8 +210,8 @@ impl MetaImageFields {
             ("-1", _) if self.codec(path)? == Codec::Raw => Ok(SampleStart::FromEnd { after: 0, least: header_end }),
             ("-1", _) => Err(fault("0 or more, as -1 needs uncompressed binary samples")),
             (_, Ok(0)) => Ok(SampleStart::At(header_end)),
-            (_, Ok(bytes)) => Ok(SampleStart::At(bytes)),
-            (_, Err(_)) => Err(fault("a number of bytes, or -1")),
+            (_, Ok(bytes)) if bytes < u64::MAX >> 1 => Ok(SampleStart::At(bytes)),
+            _ => Err(fault("a number of bytes, or -1")),
         }
     }
 
@@ -250,8 +255,8 @@ impl MetaImageFields {
             count.ok_or_else(|| Error::format(path, at, RULE, "a number of files that can be counted", "more"))
         };
         let words: Vec<&str> = value.split_whitespace().collect();
-        if let Some(dimensions_text) = value.strip_prefix("LIST") {
-            let file_dims = match dimensions_text.trim() {
+        if let Some(dimensions_text) = list_dimensions(value) {
+            let file_dims = match dimensions_text {
                 "" => Some(self.ndims - 1),
                 given => {
                     given.trim_end_matches(['D', 'd']).trim().parse().ok().filter(|d| (1..=self.ndims).contains(d))

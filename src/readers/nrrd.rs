@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::adjusted::AdjustedSource;
-use super::file_list::{FilePattern, check_count, data_file, listed_files};
+use super::file_list::{FilePattern, check_count, data_file, list_dimensions, listed_files};
 use super::frame::{FileFrame, World};
 use super::lines::{HeaderLines, clip};
 use super::nrrd_axes as axes;
@@ -120,7 +120,7 @@ impl NrrdFields {
                 return fault(line.at, "NRRD line", "field: value, key:=value or # comment", text);
             };
             let name = name.to_ascii_lowercase().replace(' ', "");
-            let listed = name == "datafile" && value.trim().starts_with("LIST");
+            let listed = name == "datafile" && list_dimensions(value.trim()).is_some();
             let is_in = |names: &str| names.split(' ').any(|field| field == name);
             if is_in(USED) {
                 if fields.entries.iter().any(|(have, ..)| *have == name) {
@@ -189,6 +189,11 @@ impl NrrdFields {
         let sizes: Option<Vec<u64>> = self.require("sizes")?.split_whitespace().map(|w| w.parse().ok()).collect();
         let sizes = sizes.filter(|sizes| sizes.len() == dimension);
         let sizes = sizes.ok_or_else(|| self.fault("sizes", RULE_SIZES, format!("{dimension} whole numbers")))?;
+        let mut kinds = self.get("kinds").unwrap_or_default().split_whitespace().peekable();
+        if kinds.peek().is_some_and(|kind| kind.eq_ignore_ascii_case("list")) && !self.segment_keys.is_empty() {
+            let expected = "a segmentation in one layer (in 3D Slicer, export it as a labelmap)".into();
+            return Err(self.fault("kinds", "NRRD kinds", expected));
+        }
         if let Some(directions) = self.get("spacedirections") {
             let none = axes::vectors(directions).and_then(|all| all.iter().take(3).position(Option::is_none));
             if let Some(axis) = none.filter(|axis| *axis < dimension) {
@@ -198,7 +203,6 @@ impl NrrdFields {
                 return Err(Error::format(&self.path, 0, "NRRD space directions", expected, got));
             }
         }
-        let kinds = self.get("kinds").unwrap_or_default().split_whitespace();
         if let Some((axis, kind)) = kinds.take(3).enumerate().find(|(axis, kind)| !axes::is_spatial(*axis, kind)) {
             let expected = "axes in space first (components within samples, as in colours, are not supported)";
             return Err(Error::format(&self.path, 0, "NRRD kinds", expected, format!("axis {axis}: {}", clip(kind))));
@@ -266,19 +270,26 @@ impl NrrdFields {
         all.map(Some).ok_or_else(|| self.fault(name, rule, format!("{dimension} numbers")))
     }
 
-    /// Returns the spacing and the place of the first point of the first three axes, as `axis mins` and `axis maxs` say: these are of
-    /// points if samples are `node`-centred, else of the outer faces of cells. `None` for an axis of which they say nothing.
-    fn extents(&self, sizes: &[u64]) -> Result<[Option<[f64; 2]>; 3]> {
+    /// Returns the spacing and the place of the first point of the first three axes, as `spacings`, `axis mins` and `axis maxs` say:
+    /// the latter are of points if samples are `node`-centred, else of the outer faces of cells. Without them, 1 and 0.
+    fn extents(&self, sizes: &[u64]) -> Result<[[f64; 2]; 3]> {
+        let stated = self.numbers("spacings", "NRRD spacings", sizes.len())?;
         let lows = self.numbers("axismins", "NRRD axis mins", sizes.len())?;
         let highs = self.numbers("axismaxs", "NRRD axis maxs", sizes.len())?;
         let centers = self.get("centers").or_else(|| self.get("centerings")).unwrap_or_default();
         let centers: Vec<&str> = centers.split_whitespace().collect();
         Ok([0, 1, 2].map(|axis| {
-            let (low, high) = (*lows.as_ref()?.get(axis)?, *highs.as_ref()?.get(axis)?);
+            let number = |field: &Option<Vec<f64>>| field.as_ref().and_then(|all| all.get(axis)).copied();
+            let (low, high) = (number(&lows).unwrap_or(f64::NAN), number(&highs).unwrap_or(f64::NAN));
             let is_node = centers.get(axis).is_some_and(|center| center.eq_ignore_ascii_case("node"));
-            let spacing = (high - low) / (sizes[axis] as f64 - f64::from(u8::from(is_node)));
-            // A slice of nodes has no spacing, and an axis that is not known has NaN.
-            (spacing.is_finite() && spacing > 0.0).then(|| [spacing, if is_node { low } else { low + spacing / 2.0 }])
+            let between =
+                (high - low) / (sizes.get(axis).map_or(1.0, |size| *size as f64) - f64::from(u8::from(is_node)));
+            // A slice of nodes has no spacing, and an axis that is not known has NaN. One below 0 is refused with the grid.
+            let Some(spacing) = number(&stated).or((between.is_finite() && between != 0.0).then_some(between)) else {
+                return [1.0, 0.0];
+            };
+            let first = if is_node { low } else { low + spacing / 2.0 };
+            [spacing, if first.is_finite() { first } else { 0.0 }]
         }))
     }
 
@@ -300,12 +311,8 @@ impl NrrdFields {
             }
             None => {
                 let extents = self.extents(sizes)?;
-                let mut spacing = extents.map(|axis| axis.map_or(1.0, |[spacing, _]| spacing));
-                if let Some(stated) = self.numbers("spacings", "NRRD spacings", dimension)? {
-                    spacing = [stated[0], stated[1], stated.get(2).copied().unwrap_or(1.0)];
-                }
-                let origin = extents.map(|axis| axis.map_or(0.0, |[_, first]| first));
-                FileFrame { world, origin, ..FileFrame::upright(spacing) }
+                let origin = extents.map(|[_, first]| first);
+                FileFrame { world, origin, ..FileFrame::upright(extents.map(|[spacing, _]| spacing)) }
             }
         };
         if let Some(text) = self.get("spaceorigin") {
@@ -327,8 +334,8 @@ impl NrrdFields {
             return Ok((vec![self.path.clone()], lines.position()));
         };
         let words: Vec<&str> = value.split_whitespace().collect();
-        if let Some(dimensions_text) = value.strip_prefix("LIST") {
-            let file_dims = self.file_dims(dimensions_text.trim(), sizes)?;
+        if let Some(dimensions_text) = list_dimensions(value) {
+            let file_dims = self.file_dims(dimensions_text, sizes)?;
             let files = listed_files(&self.path, lines, options)?;
             self.check_files(sizes, file_dims, &files)?;
             return Ok((files, 0));

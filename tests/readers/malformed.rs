@@ -314,6 +314,7 @@ fn members_of_file_lists_must_all_be_there() {
         ("ElementDataFile =\n", ["LOCAL, LIST or a file name", "nothing"]),
         ("", ["ElementDataFile", "end of the file"]),
         ("HeaderSize = x\nElementDataFile = s1\n", ["HeaderSize", "or -1"]),
+        ("HeaderSize = 18446744073709551615\nElementDataFile = s1\n", ["a number of bytes", "1844"]),
         ("CompressedData = True\nHeaderSize = -1\nElementDataFile = s1\n", ["HeaderSize", "uncompressed"]),
     ] {
         refused(&folder.write("a.mhd", &[MHA.as_bytes(), tail.as_bytes()]), &parts);

@@ -240,6 +240,11 @@ fn a_singular_or_infinite_transform_is_refused() {
             nifti.sform(1, rows);
             let path = folder.write("a.nii", &[nifti.bytes(), known(SampleType::U8).bytes()]);
             expect_refused(&path, &OpenOptions::new(), &["NIfTI grid", part]);
+            // Other spacings do not help, so none are asked for.
+            let other = OpenOptions::new().spacing([1.0; 3]);
+            expect_refused(&path, &other, &["NIfTI grid", directions]);
+            let error = open(&path, &OpenOptions::new()).map(drop).unwrap_err().to_string();
+            assert!(!error.contains("OpenOptions::spacing"), "{error}");
         }
     }
 }

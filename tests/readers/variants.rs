@@ -80,6 +80,15 @@ fn nrrd_without_spacings_lies_between_its_axis_mins_and_maxs() {
     assert_eq!(frame(&format!("{extents}centers: node cell node\n")), ([2.0, 1.0, 1.0], [0.0, 1.5, 0.0]));
     assert_eq!(frame(extents), ([1.5, 1.0, 1.0], [0.75, 1.5, 0.0]));
     assert_eq!(frame(&format!("{extents}spacings: 3 3 3\n")).0, [3.0; 3]);
+    // With spacings, the mins are enough.
+    let mins = "axis mins: 10 20 30\nspacings: 2 3 4\n";
+    assert_eq!(frame(mins), ([2.0, 3.0, 4.0], [11.0, 21.5, 32.0]));
+    assert_eq!(frame(&format!("{mins}centers: node cell node\n")).1, [10.0, 21.5, 30.0]);
+    let turned = "axis mins: 6 1 0\naxis maxs: 0 4 2\n";
+    assert_eq!(frame(&format!("{turned}spacings: 1 1 1\n")).0, [1.0; 3]);
+    let header = format!("NRRD0005\ntype: uint8\ndimension: 3\nsizes: 4 3 2\nencoding: raw\n{turned}\n");
+    let path = folder.write("a.nrrd", &[header.as_bytes(), known(SampleType::U8).bytes()]);
+    expect_refused(&path, &OpenOptions::new(), &["NRRD grid", "three spacings above 0", "got -1.5, 1, 1"]);
     let short = "NRRD0005\ntype: uint8\ndimension: 3\nsizes: 4 3 2\nencoding: raw\naxis mins: 0 1\n\n";
     let path = folder.write("a.nrrd", &[short.as_bytes(), known(SampleType::U8).bytes()]);
     expect_refused(&path, &OpenOptions::new(), &["NRRD axis mins", "3 numbers"]);
@@ -135,6 +144,12 @@ fn segments_of_a_nrrd_file_are_its_labels() {
     assert_eq!(labels(FLAT, "Segmentation_ContainedRepresentationNames:=Binary labelmap|\n"), None);
     assert_eq!(labels(FLAT, ""), None);
     assert_eq!(labels("dimension: 4\nsizes: 4 3 2 1", keys), None);
+    let layers = format!(
+        "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 2 2 3 2\nkinds: list domain domain domain\n\
+         space directions: none (1,0,0) (0,1,0) (0,0,1)\nspace: LPS\nencoding: raw\n{keys}\n"
+    );
+    let path = folder.write("layers.seg.nrrd", &[layers.as_bytes(), known(SampleType::U8).bytes()]);
+    expect_refused(&path, &OpenOptions::new(), &["a segmentation in one layer", "export it as a labelmap"]);
 }
 
 #[test]
@@ -277,6 +292,27 @@ fn meta_image_is_read_in_every_type_order_and_packing() {
                 expect_known(&detached, ty);
             }
         }
+    }
+}
+
+#[test]
+fn meta_image_longs_have_four_bytes() {
+    let folder = Folder::new();
+    for (ty, name) in [(SampleType::I32, "LONG"), (SampleType::U32, "ULONG")] {
+        let head = format!("NDims = 3\nDimSize = 4 3 2\nElementType = MET_{name}\nElementDataFile = LOCAL\n");
+        expect_known(&folder.write("a.mha", &[head.as_bytes(), &bytes(&known(ty), Endian::Little)]), ty);
+    }
+}
+
+#[test]
+fn data_files_whose_names_begin_with_list_are_no_lists() {
+    let folder = Folder::new();
+    folder.write("LISTing.raw", &[known(SampleType::U8).bytes()]);
+    for (name, head) in [
+        ("a.mhd", "NDims = 3\nDimSize = 4 3 2\nElementType = MET_UCHAR\nElementDataFile = LISTing.raw\n"),
+        ("a.nhdr", "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 4 3 2\nencoding: raw\ndata file: LISTing.raw\n"),
+    ] {
+        expect_known(&folder.write(name, &[head.as_bytes()]), SampleType::U8);
     }
 }
 

@@ -181,7 +181,7 @@ impl ArrayAxes {
             let axes: Vec<String> = self
                 .volume_dimensions
                 .iter()
-                .map(|(dimension, name)| format!("{name} {}", array.shape[*dimension]))
+                .map(|(dimension, name)| format!("{name} {}", array.shape[*dimension]).trim_start().to_owned())
                 .collect();
             let axes =
                 if axes.is_empty() { String::new() } else { format!(" ({}, the last fastest)", axes.join(", ")) };
