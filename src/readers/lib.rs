@@ -47,6 +47,8 @@ mod stream;
 #[cfg(feature = "tiff")]
 mod tiff;
 mod tokens;
+#[cfg(any(feature = "tiff", feature = "zarr"))]
+mod units;
 mod vti;
 mod vti_array;
 mod vti_tags;

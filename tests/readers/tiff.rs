@@ -735,6 +735,13 @@ fn ome_says_how_far_apart_points_are() {
             Some("um"),
         ),
         ("PhysicalSizeX=\"3\" PhysicalSizeXUnit=\"mm\"", [3.0, 3.0, 3.0], Some("mm")),
+        ("PhysicalSizeX=\"3\" PhysicalSizeXUnit=\"&#xb5;m\" PhysicalSizeZ=\"7\"", [3.0, 3.0, 7.0], Some("um")),
+        ("PhysicalSizeX=\"3\" PhysicalSizeXUnit=\"&#181;m\"", [3.0, 3.0, 3.0], Some("um")),
+        (
+            "PhysicalSizeX=\"30\" PhysicalSizeXUnit=\"m\" PhysicalSizeZ=\"7\" PhysicalSizeZUnit=\"km\"",
+            [30.0, 30.0, 7000.0],
+            Some("m"),
+        ),
         ("PhysicalSizeX=\"3\" PhysicalSizeXUnit=\"pixel\" PhysicalSizeZ=\"7\"", [3.0, 3.0, 3.0], None),
         ("PhysicalSizeX=\"nan\" PhysicalSizeZ=\"7\"", [7.0, 7.0, 7.0], Some("um")),
         ("", [1.0; 3], None),
@@ -743,6 +750,11 @@ fn ome_says_how_far_apart_points_are() {
         assert!(near(header.grid.spacing, spacing), "{lengths}: {:?}", header.grid.spacing);
         assert_eq!((header.grid.unit.as_deref(), header.format), (unit, "OME-TIFF"), "{lengths}");
     }
+    let lengths = "PhysicalSizeX=\"3\" PhysicalSizeZ=\"7\" PhysicalSizeZUnit=\"pixel\"";
+    let tiff = Tiff::described(SampleType::U16, &ome(&format!("{sizes} {lengths}"), ""));
+    let source = open(folder.write("a.tif", &[&tiff.known_file()]), &OpenOptions::new()).expect("a TIFF file");
+    let note = "warning: a distance in \"pixel\" is replaced by that along x, which is in \"um\"";
+    assert_eq!((source.notes(), source.header().grid.spacing), (&[note.to_owned()][..], [3.0; 3]));
 }
 
 #[test]

@@ -393,6 +393,34 @@ fn ome_images_are_read_by_level_and_volume() {
 }
 
 #[test]
+fn ome_axes_with_several_units_of_length_have_that_of_x() {
+    let folder = Folder::new();
+    let path = image(&folder, 2).join(".zattrs");
+    for (unit, spacing, origin, name) in [
+        ("nanometer", [2.5, 5000.0, 20_000.0], [0.0, 0.0, 30_000.0], Some("nm")),
+        ("millimeter", [2.5, 0.005, 0.02], [0.0, 0.0, 0.03], Some("mm")),
+        ("furlong", [2.5, 5.0, 20.0], [0.0, 0.0, 30.0], None),
+    ] {
+        let attributes = std::fs::read_to_string(&path).expect("just written");
+        let mut attributes: Value = serde_json::from_str(&attributes).expect("just written");
+        attributes["multiscales"][0]["axes"][4]["unit"] = unit.into();
+        write(&path, attributes.to_string());
+        let grid = opened(path.parent().expect("it is in a folder")).header.grid;
+        assert!((0..3).all(|axis| (grid.spacing[axis] / spacing[axis] - 1.0).abs() < 1e-12), "{:?}", grid.spacing);
+        assert!((0..3).all(|axis| (grid.origin[axis] - origin[axis]).abs() < 1e-9), "{:?}", grid.origin);
+        assert_eq!(grid.unit.as_deref(), name);
+    }
+}
+
+#[test]
+fn volumes_of_axes_without_names_are_counted() {
+    let folder = Folder::new();
+    let array = with(with(array_2("|u1"), "shape", json!([2, 3, 2, 3, 4])), "chunks", json!([1, 1, 2, 3, 4]));
+    let path = store_2(&folder, "a", &array, &[("0.0.0.0.0", known(SampleType::U8).bytes())]);
+    expect_refused(&path, &OpenOptions::new().volume_index(6), &["holds 6 volumes (2, 3, the last fastest)"]);
+}
+
+#[test]
 fn groups_are_looked_into_as_far_as_there_is_one_image() {
     let folder = Folder::new();
     let inner = image(&folder, 2);

@@ -190,6 +190,8 @@ fn finish(
     let dims = [shape.width.into(), shape.height.into(), places.len() as u64];
     let grid = description.frame(resolution).grid(path, "TIFF grid", dims, options.spacing)?;
     let (slope, intercept) = description.scaling();
+    let of_ome = if let Description::Ome(ome) = description { ome.note() } else { None };
+    let notes = note.into_iter().chain(of_ome).collect();
     let header = Header {
         grid,
         sample_type: shape.sample_type,
@@ -198,7 +200,7 @@ fn finish(
         name: file_name(path),
         format: description.format(),
     };
-    Ok(Box::new(TiffReader::new(header, files, places, shape, note)?))
+    Ok(Box::new(TiffReader::new(header, files, places, shape, notes)?))
 }
 
 /// Returns an error if there are more slices than an axis may have.

@@ -9,11 +9,13 @@
 use std::path::Path;
 
 use quick_xml::Reader;
+use quick_xml::escape::unescape;
 use quick_xml::events::{BytesStart, Event};
 
 use super::check_slices;
 use crate::frame::FileFrame;
 use crate::lines::{clip, one_line};
+use crate::units::common_unit;
 use adjsplat::error::{Error, Result};
 
 const RULE: &str = "OME-XML";
@@ -40,6 +42,8 @@ pub(super) struct Ome {
     runs: Vec<PlaneRun>,
     spacing: [f64; 3],
     unit: Option<String>,
+    /// What the user should know about the spacing.
+    note: Option<String>,
 }
 
 /// Returns whether `text` is OME-XML.
@@ -117,8 +121,8 @@ impl Ome {
             let expected = "DimensionOrder, XY and then Z, C and T in any order";
             return Err(Error::format(path, 0, RULE, expected, clip(&order)));
         }
-        let (spacing, unit) = spacing(tag);
-        Ok(Ome { sizes, strides, runs: Vec::new(), spacing, unit })
+        let (spacing, unit, note) = spacing(tag);
+        Ok(Ome { sizes, strides, runs: Vec::new(), spacing, unit, note })
     }
 
     /// Reads the attributes of a `TiffData` element.
@@ -179,6 +183,11 @@ impl Ome {
         Ok(pages)
     }
 
+    /// Returns what the user should know about the spacing.
+    pub(super) fn note(&self) -> Option<String> {
+        self.note.clone()
+    }
+
     /// Returns the position and the spacing of the grid.
     pub(super) fn frame(&self) -> FileFrame {
         FileFrame { unit: self.unit.clone(), ..FileFrame::upright(self.spacing) }
@@ -187,28 +196,29 @@ impl Ome {
 
 fn attribute(tag: &BytesStart<'_>, name: &str) -> Option<String> {
     let found = tag.attributes().with_checks(false).flatten().find(|a| a.key.as_ref() == name.as_bytes())?;
-    Some(String::from_utf8_lossy(&found.value).into_owned())
+    let text = String::from_utf8_lossy(&found.value);
+    Some(unescape(&text).map_or_else(|_| text.to_string(), |text| text.to_string()))
 }
 
-/// Returns the distances between points along x, y, z, and their unit, which is that of the first one in the XML.
-/// Missing distances equal the first.
-fn spacing(tag: &BytesStart<'_>) -> ([f64; 3], Option<String>) {
+/// Returns the distances between points along x, y, z, their unit, which is that of the first one in the XML, and a note for the
+/// user. Missing distances equal the first.
+fn spacing(tag: &BytesStart<'_>) -> ([f64; 3], Option<String>, Option<String>) {
     let lengths = ["PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ"].map(|name| length(tag, name));
-    let Some((first, unit)) = lengths.iter().flatten().next() else { return ([1.0; 3], None) };
+    let Some((first, unit)) = lengths.iter().flatten().next() else { return ([1.0; 3], None, None) };
+    let mut note = None;
     let spacing = lengths.each_ref().map(|length| match length {
         Some((size, own)) if own == unit => *size,
-        Some((size, own)) => match (metres(own), metres(unit)) {
-            (Some(own), Some(unit)) => size * own / unit,
-            _ => *first,
+        Some((size, own)) => match common_unit(&[Some(unit), Some(own)]) {
+            Some((factors, _)) => size * factors[1],
+            None => {
+                let (unit, own) = (clip(unit), clip(own));
+                note = Some(format!("warning: a distance in {own} is replaced by that along x, which is in {unit}"));
+                *first
+            }
         },
         None => *first,
     });
-    let unit = match metres(unit) {
-        Some(1e-6) => Some("um".into()),
-        Some(_) => Some(unit.clone()),
-        None => None,
-    };
-    (spacing, unit)
+    (spacing, common_unit(&[Some(unit)]).map(|(_, unit)| unit), note)
 }
 
 /// Returns the length in attribute `name` and its unit; `None` if it is missing or not above 0.
@@ -216,20 +226,4 @@ fn length(tag: &BytesStart<'_>, name: &str) -> Option<(f64, String)> {
     let size = attribute(tag, name)?.trim().parse::<f64>().ok()?;
     let unit = attribute(tag, &format!("{name}Unit")).unwrap_or_else(|| "um".into());
     (size.is_finite() && size > 0.0).then_some((size, unit))
-}
-
-/// Returns how many metres one `unit` is; `None` if it is not a unit of length.
-fn metres(unit: &str) -> Option<f64> {
-    Some(match unit {
-        "m" => 1.0,
-        "dm" => 1e-1,
-        "cm" => 1e-2,
-        "mm" => 1e-3,
-        "\u{b5}m" | "\u{3bc}m" | "&#181;m" | "&#xB5;m" | "um" => 1e-6,
-        "nm" => 1e-9,
-        "pm" => 1e-12,
-        "\u{c5}" => 1e-10,
-        "in" => 0.0254,
-        _ => return None,
-    })
 }

@@ -48,13 +48,12 @@ impl TiffReader {
         files: Vec<PathBuf>,
         places: Vec<SliceLocation>,
         shape: PageShape,
-        note: Option<String>,
+        mut notes: Vec<String>,
     ) -> Result<TiffReader> {
         let greys = shape.palette.as_ref().and_then(Palette::greys);
         // Samples with a slope are measured values.
         let may_be_labels = greys.is_none() && (header.slope, header.intercept) == (1.0, 0.0);
         let labels = shape.palette.as_ref().filter(|_| may_be_labels).and_then(Palette::labels);
-        let mut notes = Vec::from_iter(note);
         if shape.palette.is_some() && greys.is_none() && labels.is_none() {
             notes.push(format!(
                 "warning: samples of {} are indices into a colour scale; the indices are read as values, without the \

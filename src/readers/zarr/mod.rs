@@ -31,6 +31,7 @@ use super::frame::{FileFrame, IDENTITY, World};
 use super::nifti;
 use super::open::{OpenOptions, file_name};
 use super::slab::{Endian, check_turn, check_volume};
+use super::units::common_unit;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::obtainable;
 use adjsplat::volume::{Header, Samples, SlabSource};
@@ -133,8 +134,10 @@ struct ArrayAxes {
     space: [Option<usize>; 3],
     /// The indices of all other dimensions, with their names.
     volume_dimensions: Vec<(usize, String)>,
-    /// The unit of lengths, if x, y and z share one.
+    /// The unit of lengths, if those of x, y and z can be compared.
     unit: Option<String>,
+    /// What to multiply lengths along x, y, z with, to have them in this unit.
+    factors: [f64; 3],
 }
 
 impl ArrayAxes {
@@ -168,9 +171,15 @@ impl ArrayAxes {
         }
         let volume_dimensions = (0..dimensions).filter(|at| !space.contains(&Some(*at)));
         let volume_dimensions = volume_dimensions.map(|at| (at, named[at].name.clone())).collect();
-        let units: Vec<&Option<String>> = space.iter().flatten().map(|at| &named[*at].unit).collect();
-        let unit = if units.iter().all(|unit| *unit == units[0]) { units[0].clone() } else { None };
-        Ok(ArrayAxes { space, volume_dimensions, unit })
+        let units: Vec<Option<&str>> = space.iter().flatten().map(|at| named[*at].unit.as_deref()).collect();
+        let (mut unit, mut factors) = (None, [1.0; 3]);
+        if units.iter().all(|unit| *unit == units[0]) {
+            unit = units[0].map(str::to_owned);
+        } else if let Some((by, common)) = common_unit(&units) {
+            unit = Some(common);
+            factors[..by.len()].copy_from_slice(&by);
+        }
+        Ok(ArrayAxes { space, volume_dimensions, unit, factors })
     }
 
     /// Returns the index along each dimension at which volume `number` lies; 0 along x, y, z.
@@ -211,7 +220,9 @@ fn place(
     level: usize,
 ) -> Result<(FileFrame, f64, f64)> {
     let Some(image) = image else { return Ok((FileFrame::upright([1.0; 3]), 1.0, 0.0)) };
-    let of = |values: &[f64], without: f64| axes.space.map(|at| at.map_or(without, |at| values[at]));
+    let of = |values: &[f64], without: f64| {
+        [0, 1, 2].map(|axis| axes.space[axis].map_or(without, |at| values[at] * axes.factors[axis]))
+    };
     let (scale, translation) = (of(&image.levels[level].scale, 1.0), of(&image.levels[level].translation, 0.0));
     let header = path.join("nifti");
     if !is_zarr(&header) {
