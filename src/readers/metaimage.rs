@@ -60,6 +60,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         } else {
             Endian::Little
         },
+        header_file: Some(path.to_path_buf()),
         files,
         start,
         line_skip: 0,

@@ -98,6 +98,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         header,
         codec: if packed { Codec::Deflate } else { Codec::Raw },
         endian: fields.endian,
+        header_file: Some(header_path),
         files: vec![file],
         start: SampleStart::At(if packed { 0 } else { offset }),
         line_skip: 0,

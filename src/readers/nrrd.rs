@@ -64,6 +64,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         header: plain_header(grid, sample_type, path, "NRRD"),
         codec,
         endian,
+        header_file: Some(path.to_path_buf()),
         files,
         start,
         line_skip,

@@ -58,6 +58,8 @@ pub(super) struct SampleFiles {
     pub(super) codec: Codec,
     /// The byte order of the samples; meaningless for text and for samples of one byte.
     pub(super) endian: Endian,
+    /// The file of the header; `None` if there is none. It may be one of `files`.
+    pub(super) header_file: Option<PathBuf>,
     /// The files in order, at least one; each holds the same number of samples.
     pub(super) files: Vec<PathBuf>,
     /// The place in each file where samples start.
@@ -237,7 +239,8 @@ impl SlabSource for SlabReader {
     }
 
     fn data_files(&self) -> Vec<PathBuf> {
-        self.plan.files.clone()
+        let SampleFiles { files, header_file, .. } = &self.plan;
+        files.iter().chain(header_file.iter().filter(|header| !files.contains(header))).cloned().collect()
     }
 }
 

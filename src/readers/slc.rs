@@ -98,6 +98,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         header: plain_header(grid, SampleType::U8, path, "SLC"),
         codec,
         endian: Endian::Little,
+        header_file: None,
         files: vec![path.to_path_buf()],
         start: SampleStart::At(icon_bytes.saturating_add(words.at as u64)),
         line_skip: 0,

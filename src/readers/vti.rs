@@ -47,6 +47,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         header: plain_header(grid, sample_type, path, "VTK XML image"),
         codec,
         endian: image.endian,
+        header_file: None,
         files: vec![path.to_path_buf()],
         start: SampleStart::At(at),
         line_skip: 0,

@@ -39,6 +39,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
             (false, true) => Codec::Shares,
         },
         endian: Endian::Big,
+        header_file: None,
         files: vec![path.to_path_buf()],
         start: SampleStart::At(array.at),
         line_skip: 0,

@@ -294,6 +294,24 @@ fn the_intent_code_says_that_values_are_labels() {
     }
 }
 
+/// A program that writes beside the image must not write over its header.
+#[test]
+fn the_files_of_a_pair_are_its_image_and_its_header() {
+    let folder = Folder::new();
+    let mut nifti = Nifti::new(1, Endian::Little, SampleType::U8);
+    nifti.pair();
+    let header = folder.write("a.hdr", &[nifti.bytes()]);
+    let image = folder.write("a.img", &[known(SampleType::U8).bytes()]);
+    for path in [&header, &image] {
+        let source = open(path, &OpenOptions::new()).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(source.data_files(), [image.clone(), header.clone()]);
+    }
+    let text = "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 4 3 2\nencoding: raw\ndata file: a.img\n";
+    let header = folder.write("a.nhdr", &[text.as_bytes()]);
+    let source = open(&header, &OpenOptions::new()).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(source.data_files(), [image, header]);
+}
+
 #[test]
 fn volumes_of_a_series_are_chosen_by_index() {
     let folder = Folder::new();

@@ -108,8 +108,8 @@ pub trait SlabSource: Send {
         &[]
     }
 
-    /// Returns the files that hold the samples, and folders whose files all belong to the volume; none if the source does not
-    /// know.
+    /// Returns the files that hold the header and the samples, and folders whose files all belong to the volume; none if the
+    /// source does not know.
     fn data_files(&self) -> Vec<PathBuf> {
         Vec::new()
     }
