@@ -339,6 +339,31 @@ fn a_tilted_gantry_gives_a_sheared_grid() {
 }
 
 #[test]
+fn a_slice_whose_file_ends_before_its_pixels_is_refused() {
+    let folder = Folder::new();
+    stack(&folder, &[0.0, 1.0]);
+    let cut = slice(SampleType::U8, &[0; 12], 2.0).without(0x7fe0, 0x10);
+    cut.write(&folder, "s3.dcm");
+    refused(folder.path(), &["s3.dcm", "DICOM Pixel Data: expected pixels", "the end of the file (copy it again)"]);
+    // Spectra have none.
+    cut.text(0x08, 0x16, "UI", "1.2.840.10008.5.1.4.1.1.4.2").write(&folder, "s3.dcm");
+    assert_eq!(notes(folder.path(), &OpenOptions::default()), ["skipped 1 file that has no pixels (s3.dcm)"]);
+}
+
+#[test]
+fn malformed_numbers_that_positions_make_needless_are_ignored() {
+    let folder = Folder::new();
+    for (z, name) in [(2u8, "a"), (0, "b"), (1, "c")] {
+        let elements = slice(SampleType::U8, &[z; 12], z.into()).text(0x20, 0x13, "IS", "1.0");
+        elements.text(0x18, 0x50, "DS", "thick").text(0x18, 0x88, "DS", "1mm").write(&folder, name);
+    }
+    let read = read(folder.path()).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!((firsts(&read), read.header.grid.spacing[2]), (vec![0.0, 1.0, 2.0], 1.0));
+    let path = slice(SampleType::U8, &[0; 12], 0.0).without(0x20, 0x32).text(0x18, 0x50, "DS", "thick");
+    refused(&path.write(&folder, "d"), &["DICOM Slice Thickness", "thick"]);
+}
+
+#[test]
 fn slices_without_positions_are_stacked_by_number_with_a_note() {
     let folder = Folder::new();
     for (name, number, value) in [("a", "3", 3), ("b", "10", 10), ("c", "1", 1)] {
@@ -391,6 +416,7 @@ fn files_that_are_no_images_are_passed_over_and_counted() {
     stack(&folder, &[0.0, 1.0]);
     folder.write("DICOMDIR", &[&Elements::default().text(0x08, 0x60, "CS", "XX").file(Coding::Explicit)]);
     folder.write("readme.txt", &[b"hello"]);
+    folder.write("cut", &[&[0; 131]]);
     folder.write("empty", &[]);
     folder.write(".hidden", &[b"hello"]);
     slice(SampleType::U8, &[0; 36], 5.0).text(0x28, 0x04, "CS", "RGB").number(0x28, 0x02, 3).write(&folder, "shot");
@@ -399,7 +425,8 @@ fn files_that_are_no_images_are_passed_over_and_counted() {
     assert_eq!(
         notes(folder.path(), &OpenOptions::default()),
         [
-            "skipped 2 files that are no DICOM (empty, ...)",
+            "warning: skipped 2 files that are shorter than any DICOM file (cut, ...); copy slices that were cut short again",
+            "skipped 1 file that is no DICOM (readme.txt)",
             "skipped 1 file that has no pixels (DICOMDIR)",
             "skipped 1 file that is in colour (shot)",
         ]
@@ -680,7 +707,7 @@ fn sizes_and_types_that_cannot_be_are_refused() {
         (a().text(0x20, 0x37, "DS", "1\\0\\0\\1\\0\\0"), ["Orientation", "right angles"]),
         (a().text(0x20, 0x37, "DS", "0\\0\\0\\0\\0\\0"), ["Orientation", "right angles"]),
         (a().text(0x20, 0x32, "DS", "1\\2"), ["Position", "3 finite numbers"]),
-        (a().text(0x20, 0x13, "IS", "1e3"), ["Instance Number", "whole number"]),
+        (a().without(0x20, 0x32).text(0x20, 0x13, "IS", "1e3"), ["Instance Number", "whole number"]),
         (a().text(0x28, 0x04, "CS", "PALETTE COLOR"), ["one grey sample", "PALETTE COLOR"]),
         (a().text(0x08, 0x103e, "UN", &"x".repeat(5000)), ["at most 4096 bytes", "5000"]),
     ] {

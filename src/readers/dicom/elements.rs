@@ -31,6 +31,9 @@ use adjsplat::error::{Error, Result};
 /// The deepest supported nesting of sequences and items; enhanced objects use four levels.
 const DEEPEST: usize = 64;
 
+/// The number of bytes of the preamble and the prefix `DICM`, with which each file begins.
+pub(super) const PREFIX_BYTES: usize = 132;
+
 /// The largest supported length of a value, in bytes: the longest value that is needed has six decimal numbers, but for one
 /// that has a number for each frame.
 const LONGEST_VALUE: u64 = 4096;
@@ -144,7 +147,7 @@ impl<'a> ElementReader<'a> {
 
     /// Reads the file's meta group, and returns the transfer syntax that it states.
     fn read_meta(&mut self) -> Result<String> {
-        let mut prefix = [0; 132];
+        let mut prefix = [0; PREFIX_BYTES];
         if self.len < prefix.len() as u64 {
             let got = format!("{} bytes", self.len);
             return Err(self.fault(0, "DICOM prefix", "\"DICM\" at byte 128", got));

@@ -95,14 +95,24 @@ pub(super) enum FileContent {
     Nothing,
 }
 
+/// The class of objects with spectra, which have rows and columns but no pixels.
+const SPECTRA: &str = "1.2.840.10008.5.1.4.1.1.4.2";
+
 /// Converts the `elements` of a file to a description of the file and its frames; `file` is the file's index.
 ///
 /// # Errors
 /// [`Error::Format`] for values that contradict each other or are not supported; [`Error::Limit`] if a size is too
 /// large.
 pub(super) fn read(elements: DicomElements, file: usize) -> Result<FileContent> {
-    let Some(pixels) = elements.pixels.clone() else { return Ok(FileContent::Nothing) };
     let root = Attributes { path: &elements.path, sources: vec![&elements.root] };
+    let Some(pixels) = elements.pixels.clone() else {
+        let is_image = [tags::ROWS, tags::COLUMNS].iter().all(|tag| elements.root.contains_key(tag));
+        if is_image && root.text(tags::SOP_CLASS) != SPECTRA {
+            let expected = "pixels, as it has Rows and Columns";
+            return Err(root.fault("DICOM Pixel Data", expected, "the end of the file (copy it again)"));
+        }
+        return Ok(FileContent::Nothing);
+    };
     let size = [root.size(tags::COLUMNS, "DICOM Columns")?, root.size(tags::ROWS, "DICOM Rows")?];
     let frame_count = match root.whole(tags::FRAME_COUNT, "DICOM Number of Frames")? {
         None => 1,
@@ -353,9 +363,9 @@ impl Attributes<'_> {
             Some(spacing) => Some(spacing),
             None => self.decimals::<2>(tags::IMAGER_SPACING, "DICOM Imager Pixel Spacing")?,
         };
-        let depth = match self.length(tags::SLICE_SPACING, "DICOM Spacing Between Slices")? {
+        let depth = match unless_placed(place, self.length(tags::SLICE_SPACING, "DICOM Spacing Between Slices"))? {
             Some(depth) => Some(depth),
-            None => self.length(tags::SLICE_THICKNESS, "DICOM Slice Thickness")?,
+            None => unless_placed(place, self.length(tags::SLICE_THICKNESS, "DICOM Slice Thickness"))?,
         };
         let mut slope = 1.0;
         for (tag, rule) in [(tags::SLOPE, "DICOM Rescale Slope"), (tags::DOSE_SCALING, "DICOM Dose Grid Scaling")] {
@@ -372,7 +382,7 @@ impl Attributes<'_> {
             depth,
             slope,
             intercept: self.decimals::<1>(tags::INTERCEPT, "DICOM Rescale Intercept")?.map_or(0.0, |[value]| value),
-            number: self.whole(tags::INSTANCE_NUMBER, "DICOM Instance Number")?,
+            number: unless_placed(place, self.whole(tags::INSTANCE_NUMBER, "DICOM Instance Number"))?,
         })
     }
 }
@@ -395,6 +405,11 @@ pub(super) fn circumstances(elements: &DicomElements, frame: u32) -> Vec<(&'stat
     ]
     .map(|(name, tag)| (name, attributes.value(tag).map(<[u8]>::to_vec).unwrap_or_default()))
     .into()
+}
+
+/// Returns `found`, but nothing instead of an error if the position of the slice makes it needless.
+fn unless_placed<T>(place: Option<ImagePlane>, found: Result<Option<T>>) -> Result<Option<T>> {
+    if place.is_some() { Ok(found.unwrap_or_default()) } else { found }
 }
 
 fn unit(v: [f64; 3]) -> [f64; 3] {

@@ -79,11 +79,17 @@ fn read_file(path: &Path) -> Result<(Vec<ImageFile>, Vec<DicomFrame>)> {
 
 fn read_folder(what: &str, paths: Vec<PathBuf>, notes: &mut Vec<String>) -> Result<(Vec<ImageFile>, Vec<DicomFrame>)> {
     let (mut files, mut frames) = (Vec::new(), Vec::new());
-    let (mut other, mut without, mut coloured): (Vec<PathBuf>, Vec<PathBuf>, Vec<PathBuf>) = Default::default();
+    let [mut short, mut other, mut without, mut coloured] = [const { Vec::new() }; 4];
     let mut colour = None;
     for path in paths {
-        if !is_dicom(&probe(&path)?) {
-            other.push(path);
+        let start = probe(&path)?;
+        if !is_dicom(&start) {
+            // A preamble has zeros; text has none.
+            if start.len() < elements::PREFIX_BYTES && (start.is_empty() || start.contains(&0)) {
+                short.push(path)
+            } else {
+                other.push(path)
+            }
             continue;
         }
         match image::read(elements::read(&path)?, files.len())? {
@@ -105,20 +111,21 @@ fn read_folder(what: &str, paths: Vec<PathBuf>, notes: &mut Vec<String>) -> Resu
     if frames.is_empty() {
         return Err(colour.unwrap_or_else(|| Error::input(what, "holds DICOM files, but none has pixels")));
     }
-    tell_skipped(&other, "is no DICOM", "are no DICOM", notes);
-    tell_skipped(&without, "has no pixels", "have no pixels", notes);
-    tell_skipped(&coloured, "is in colour", "are in colour", notes);
+    let short = skipped(&short, "is shorter than any DICOM file", "are shorter than any DICOM file");
+    notes.extend(short.map(|note| format!("warning: {note}; copy slices that were cut short again")));
+    notes.extend(skipped(&other, "is no DICOM", "are no DICOM"));
+    notes.extend(skipped(&without, "has no pixels", "have no pixels"));
+    notes.extend(skipped(&coloured, "is in colour", "are in colour"));
     Ok((files, frames))
 }
 
-/// Adds a note on skipped files: "skipped 2 files that are no DICOM (LICENSE, ...)".
-fn tell_skipped(paths: &[PathBuf], is: &str, are: &str, notes: &mut Vec<String>) {
-    let Some(first) = paths.first() else { return };
-    let name = file_name(first);
-    notes.push(match paths.len() {
+/// Returns a note on skipped files, if there are any: "skipped 2 files that are no DICOM (LICENSE, ...)".
+fn skipped(paths: &[PathBuf], is: &str, are: &str) -> Option<String> {
+    let name = file_name(paths.first()?);
+    Some(match paths.len() {
         1 => format!("skipped 1 file that {is} ({name})"),
         count => format!("skipped {count} files that {are} ({name}, ...)"),
-    });
+    })
 }
 
 /// Reads the slices of a volume, each from its own frame.
