@@ -19,7 +19,7 @@ use adjsplat::arena::{Levels, TileOrder};
 use adjsplat::build::{BuildOptions, Classified, Resources, SampleSummary, classify};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
-use adjsplat::file::{AdjFile, RowsOutput, open_rows, scratch_folder, write_rows};
+use adjsplat::file::{AdjFile, RowsOutput, descriptor, open_rows, scratch_folder, write_rows};
 use adjsplat::internals::Budget;
 use adjsplat::internals::description;
 use adjsplat::volume::{Header, SlabSource};
@@ -294,8 +294,9 @@ pub(super) fn check_adj_output(output: &Path, others: impl IntoIterator<Item = P
     check_output("--output", output, others)?;
     // A header file may name other files that hold its samples, so those are kept too.
     let named = output.extension().is_some_and(|extension| extension == "adj");
+    // An open file such as /dev/stdout is not replaced.
     let old = std::fs::metadata(output).is_ok_and(|found| found.is_file() && found.len() > 0);
-    if old && !named && !starts_as_adj(output)? {
+    if old && descriptor(output).is_none() && !named && !starts_as_adj(output)? {
         let why = "is there already and is no .adj file; remove it first, or give a name that ends in .adj";
         return Err(Error::input(output.display().to_string(), why));
     }

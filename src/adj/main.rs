@@ -52,7 +52,7 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 
 use adjsplat::arena::layout::MAGIC;
 use adjsplat::error::{Error, Result};
-use adjsplat::file::check_writable;
+use adjsplat::file::{check_writable, descriptor};
 
 /// The answer of a command that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -235,7 +235,7 @@ fn check_apart(flag: &str, output: &Path, others: impl IntoIterator<Item = impl 
 /// stdout, results go to stderr from now on.
 fn check_output(flag: &str, output: &Path, others: impl IntoIterator<Item = impl AsRef<Path>>) -> Result<()> {
     check_apart(flag, output, others)?;
-    if ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].map(Path::new).contains(&output) {
+    if descriptor(output) == Some(1) {
         WRITES_TO_STDOUT.store(true, Ordering::Relaxed);
     }
     check_writable(output)

@@ -19,6 +19,7 @@ mod library;
 mod memory;
 mod outputs;
 mod serve;
+mod stdout;
 mod study;
 mod transfer;
 mod trim;

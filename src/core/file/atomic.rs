@@ -2,8 +2,8 @@
 //!
 //! A regular file is written under a temporary name in the same folder, flushed to disk and renamed. Stopping at any
 //! instant leaves the old file or the new one; `atomic_temporary.rs` removes the temporary file. A link is followed: the
-//! file that it names is replaced, and passes its permissions on. A device or a pipe without a name (such as
-//! `/dev/stdout`) cannot be replaced and receives the bytes directly.
+//! file that it names is replaced, and passes its permissions on. A device or a pipe without a name cannot be replaced and
+//! receives the bytes directly. So do `/dev/stdout` and `/dev/stderr`, whatever the caller of the program opened there.
 
 use std::cell::Cell;
 use std::ffi::OsString;
@@ -65,8 +65,7 @@ pub fn write_atomically_unless<T>(
     write: impl FnOnce(&mut dyn Write) -> io::Result<T>,
 ) -> Result<T> {
     let Some(target) = WriteTarget::of(path)? else {
-        let file = File::options().write(true).open(path).map_err(Error::io("open", path))?;
-        return write_through(path, &file, stop, write);
+        return write_through(path, &open_device(path)?, stop, write);
     };
     let flushed = |result| if stop() { Err(Error::Interrupted) } else { Ok(result) };
     target.replace(path, |file| write_through(path, file, stop, write), flushed)
@@ -85,9 +84,14 @@ pub(super) fn write_file_atomically<T, U>(
     flushed: impl FnOnce(T) -> Result<U>,
 ) -> Result<U> {
     let Some(target) = WriteTarget::of(path)? else {
-        let mut file = unnamed(&std::env::temp_dir())?;
-        let result = write(&file)?;
-        let mut device = File::options().write(true).open(path).map_err(Error::io("open", path))?;
+        let folder = std::env::temp_dir();
+        let mut file = unnamed(&folder)?;
+        // What fails meanwhile is the temporary file.
+        let result = write(&file).map_err(|error| match error {
+            Error::Io { action, path: at, source } if at == path => Error::Io { action, path: folder, source },
+            other => other,
+        })?;
+        let mut device = open_device(path)?;
         let copied = file.seek(SeekFrom::Start(0)).and_then(|_| io::copy(&mut file, &mut device));
         copied.map_err(Error::io("write", path))?;
         return flushed(result);
@@ -125,8 +129,16 @@ impl WriteTarget {
         Ok(result)
     }
 
-    /// Returns the target at `path`; `None` if something is there that is neither a file nor a folder, a device.
+    /// Returns the target at `path`; `None` if it is stdout or stderr, or neither a file nor a folder: a device.
     fn of(path: &Path) -> Result<Option<WriteTarget>> {
+        match descriptor(path) {
+            Some(1 | 2) => return Ok(None),
+            Some(_) if path.is_file() => {
+                let why = "is a file that is open already; give its name, or /dev/stdout";
+                return Err(Error::input(path.display().to_string(), why));
+            }
+            _ => {}
+        }
         let is_folder = || Error::input(path.display().to_string(), "is a folder; give a file name");
         match std::fs::metadata(path) {
             Ok(found) if found.is_dir() => return Err(is_folder()),
@@ -155,6 +167,39 @@ impl WriteTarget {
         }
         Ok(Some(WriteTarget { folder: folder.to_path_buf(), name }))
     }
+}
+
+/// Returns the number of this process's open file that `path` leads to, such as 1 for `/dev/stdout`; `None` for other paths.
+pub fn descriptor(path: &Path) -> Option<u32> {
+    let ours = ["/proc/self/fd", "/dev/fd"].map(|folder| Path::new(folder).canonicalize().ok());
+    let mut target = path.to_path_buf();
+    for _ in 0..MOST_LINKS {
+        let folder = target.parent()?.canonicalize().ok();
+        if folder.is_some() && ours.contains(&folder) {
+            return target.file_name()?.to_str()?.parse().ok();
+        }
+        let next = std::fs::read_link(&target).ok()?;
+        target = target.parent()?.join(next);
+    }
+    None
+}
+
+/// Opens a device or a pipe for writing. Of stdout and stderr this is the open file itself: opened again, a regular file would
+/// be written from its start.
+fn open_device(path: &Path) -> Result<File> {
+    #[cfg(unix)]
+    {
+        use std::os::fd::AsFd as _;
+        let opened = match descriptor(path) {
+            Some(1) => Some(io::stdout().as_fd().try_clone_to_owned()),
+            Some(2) => Some(io::stderr().as_fd().try_clone_to_owned()),
+            _ => None,
+        };
+        if let Some(opened) = opened {
+            return opened.map(File::from).map_err(Error::io("open", path));
+        }
+    }
+    File::options().write(true).open(path).map_err(Error::io("open", path))
 }
 
 fn write_through<T>(

@@ -9,7 +9,7 @@ mod resident;
 mod sections;
 mod write;
 
-pub use atomic::{check_writable, scratch_folder, write_atomically, write_atomically_unless};
+pub use atomic::{check_writable, descriptor, scratch_folder, write_atomically, write_atomically_unless};
 pub use atomic_folder::write_folder_atomically;
 pub use atomic_temporary::abandon_writes;
 pub(crate) use levels::levels_in_files;

@@ -1,0 +1,64 @@
+//! Outputs that are stdout itself, whatever the shell opened there: a regular file, a pipe with a name, a full disk.
+#![cfg(target_os = "linux")]
+
+use std::process::Command;
+
+use super::harness::{Folder, RAW, Ran, Runs as _, in_private_mounts};
+
+const COPY: &str = "\"$0\" raw v.raw --dims 4x3x2 --type u8 -q -o";
+
+/// Runs a shell script in the folder; `$0` is the program.
+fn shell(folder: &Folder, script: &str) -> Ran {
+    let mut command = Command::new("sh");
+    command.args(["-c", script, env!("CARGO_BIN_EXE_adj")]).current_dir(folder.path());
+    Ran::new(&command.output().expect("there is a shell"))
+}
+
+fn folder_with_volume() -> Folder {
+    let folder = Folder::new();
+    folder.write("v.raw", &RAW);
+    folder
+}
+
+fn read(folder: &Folder, name: &str) -> Vec<u8> {
+    std::fs::read(folder.file(name)).expect("it was written")
+}
+
+/// The file was replaced: what the shell wrote before and after was lost.
+#[test]
+fn a_file_that_the_shell_opened_keeps_what_is_around_the_output() {
+    let folder = folder_with_volume();
+    for path in ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1", "link"] {
+        shell(&folder, &format!("ln -sf /dev/stdout link; (echo header; {COPY} {path}; echo trailer) >log")).done();
+        assert_eq!(read(&folder, "log"), [b"header\n", &RAW[..], b"trailer\n"].concat(), "{path}");
+    }
+    shell(&folder, &format!("echo old >log; {COPY} /dev/stdout >>log")).done();
+    assert_eq!(read(&folder, "log"), [b"old\n", &RAW[..]].concat());
+    folder.small_arena("a.adj");
+    shell(&folder, "echo old >log; \"$0\" trim a.adj -q -o /dev/stdout >>log").done();
+    shell(&folder, "\"$0\" trim a.adj -q -o b.adj").done();
+    assert_eq!(read(&folder, "log"), [b"old\n", &read(&folder, "b.adj")[..]].concat());
+    shell(&folder, "echo old >log; \"$0\" render a.adj -q -o a.png --size 8x8 --stats /dev/stderr 2>>log").done();
+    assert!(read(&folder, "log").starts_with(b"old\n{"));
+    let said =
+        shell(&folder, &format!("echo old >log; {COPY} /dev/fd/3 3>>log")).refused(&["/dev/fd/3", "open already"]);
+    assert_eq!(read(&folder, "log"), b"old\n", "{said}");
+}
+
+/// The message named /dev/stdout as the remedy for /dev/stdout.
+#[test]
+fn a_named_pipe_as_stdout_takes_the_output() {
+    let folder = folder_with_volume();
+    shell(&folder, &format!("mkfifo pipe; cat pipe >log & {COPY} /dev/stdout >pipe; code=$?; wait; exit $code")).done();
+    assert_eq!(read(&folder, "log"), RAW);
+}
+
+/// The message blamed stdout, which had room.
+#[test]
+fn a_full_temporary_folder_is_named() {
+    let folder = Folder::new();
+    let script = "mkdir full; mount -t tmpfs -o size=16k tmpfs full; \
+        TMPDIR=full \"$0\" build phantom:constant --dims 40x40x40 -q -o /dev/stdout | cat >/dev/null";
+    let Some(ran) = in_private_mounts(script, folder.path()) else { return };
+    assert!(ran.stderr.contains("cannot write full: No space left"), "{}", ran.stderr);
+}
