@@ -94,6 +94,24 @@ impl<'a> Gaussians<'a> {
         Ok(gaussians)
     }
 
+    /// Returns the largest coordinate of a position, without its sign.
+    pub(crate) fn farthest(&self) -> f64 {
+        let lane = self.voxels.arena.lane(Axis::X).expect("every arena that opens has the lane along x");
+        let (low, high) = lane.bounds().unwrap_or_default();
+        let corners = (0..8).map(|corner| {
+            self.voxels.position(std::array::from_fn(|a| if corner >> a & 1 == 1 { high[a] } else { low[a] }))
+        });
+        corners.flatten().map(f64::abs).fold(0.0, f64::max)
+    }
+
+    /// Returns a warning if a format that rounds coordinates by up to `rounding` moves positions so much that it shows.
+    pub(crate) fn rounding_note(&self, ending: &str, rounding: f64) -> Option<String> {
+        let voxels = rounding / self.voxels.grid.finest_spacing();
+        (voxels > 0.1).then(|| {
+            format!("warning: {ending} rounds positions by up to {voxels:.2} voxels, as the grid is far from the origin; use .csv or .npz")
+        })
+    }
+
     /// Returns the table of optical depths by code.
     fn table(&self) -> Result<Table<'_>> {
         let transfer = self.voxels.transfer.as_ref().expect("was there when this was made");

@@ -143,6 +143,10 @@ pub fn export(
         ExportFormat::Vdb => {
             report.sample_type = Some(SampleType::F32);
             report.rounding = samples::rounding(&voxels, SampleType::F32);
+            if voxels.values().iter().any(|value| value.abs() > f32::MAX.into()) {
+                let why = "go beyond single precision, which is all that .vdb holds; use .nrrd or .csv";
+                return Err(adjsplat::Error::input("values", why));
+            }
             write_file(path, &progress, |out| vdb::write(out, &voxels, &progress))?
         }
         _ => {
@@ -151,10 +155,13 @@ pub fn export(
             match format {
                 ExportFormat::Spz => {
                     let packing = spz::Packing::new(&gaussians)?;
-                    report.notes.extend(packing.note());
+                    report.notes.extend(packing.note.clone());
                     write_file(path, &progress, |out| spz::write(out, &gaussians, &packing, &progress))?
                 }
-                _ => write_file(path, &progress, |out| ply::write(out, &gaussians, &progress))?,
+                _ => {
+                    report.notes.extend(ply::note(&gaussians)?);
+                    write_file(path, &progress, |out| ply::write(out, &gaussians, &progress))?
+                }
             }
         }
     };

@@ -8,10 +8,26 @@ use std::io::Write;
 
 use super::gaussians::Gaussians;
 use super::output::{Progress, Written};
+use adjsplat::error::{Error, Result};
 
 /// The properties of a Gaussian, all of single precision.
 const PROPERTIES: &str = "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 f_rest_0 f_rest_1 f_rest_2 f_rest_3 f_rest_4 f_rest_5 \
                           f_rest_6 f_rest_7 f_rest_8 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+
+/// Returns a warning if positions are rounded so much that it shows.
+///
+/// # Errors
+/// [`Error::Input`] if single precision does not hold them.
+pub(crate) fn note(gaussians: &Gaussians) -> Result<Option<String>> {
+    let farthest = gaussians.farthest();
+    if farthest > f32::MAX.into() {
+        let why = format!("has coordinates up to {farthest:.3e}, but .ply holds 3.4e38; use .csv or .npz");
+        return Err(Error::input("grid", why));
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "the layout has single precision")]
+    let rounding = (f64::from((farthest as f32).next_up()) - farthest) / 2.0;
+    Ok(gaussians.rounding_note(".ply", rounding))
+}
 
 pub(crate) fn write(out: &mut dyn Write, gaussians: &Gaussians, progress: &Progress) -> Written {
     write!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {}\n", gaussians.count)?;

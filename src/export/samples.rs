@@ -96,10 +96,15 @@ pub(crate) struct Fill {
 /// # Errors
 /// [`Error::Input`] if samples of this type do not hold `given`.
 pub(crate) fn fill(voxels: &StoredVoxels, sample_type: SampleType, given: Option<f64>) -> Result<Fill> {
+    // Of a fraction the nearest single is meant.
+    let given = given.map(|value| match decoded(SampleType::F32, &encoded(SampleType::F32, value)) {
+        single if sample_type == SampleType::F32 && single.is_finite() => single,
+        _ => value,
+    });
     if let Some(value) = given.filter(|value| !holds(sample_type, *value)) {
         let range = match sample_type.integer_range() {
             Some((lowest, highest)) => format!("whole numbers from {lowest} to {highest}"),
-            None => "rounded to single precision".to_owned(),
+            None => "up to 3.4e38".to_owned(),
         };
         let why = format!("is {value}, but samples of this export are {}: {range}", sample_type.name());
         return Err(Error::input("fill", why));

@@ -19,6 +19,7 @@ use flate2::write::GzEncoder;
 
 use super::gaussians::{Gaussian, Gaussians};
 use super::output::{Progress, Written};
+use super::ply;
 use adjsplat::error::{Error, Result};
 
 const MAGIC: u32 = 0x5053_474e;
@@ -38,8 +39,8 @@ pub(crate) struct Packing {
     fractional_bits: u8,
     scales: [u8; 3],
     rotation: [u8; 3],
-    /// Largest rounding of a coordinate, in the smallest spacings of the grid.
-    rounding: f64,
+    /// A warning if positions are rounded so much that it shows.
+    pub(crate) note: Option<String>,
 }
 
 impl Packing {
@@ -57,36 +58,21 @@ impl Packing {
             let why = format!("has Gaussians of size {:.3e}, but .spz holds 4.6e-5 to 379; use .ply", scale.exp());
             return Err(Error::input("grid", why));
         }
-        let voxels = gaussians.voxels;
-        let lane = voxels.arena.x_lane();
-        let (low, high) = lane.bounds().unwrap_or_default();
-        let corners = (0..8).map(|corner| {
-            voxels.position(std::array::from_fn(|a| if corner >> a & 1 == 1 { high[a] } else { low[a] }))
-        });
-        let farthest = corners.flatten().map(f64::abs).fold(0.0, f64::max);
+        let farthest = gaussians.farthest();
         let fits = |bits: &u8| farthest * f64::from(1u32 << bits) <= f64::from((1u32 << 23) - 1);
         let Some(fractional_bits) = (0..=MOST_FRACTIONAL_BITS).rev().find(fits) else {
-            let why = format!("has coordinates up to {farthest:.3e}, but .spz holds 8388607; use .ply");
+            let better = if matches!(ply::note(gaussians), Ok(None)) { ".ply" } else { ".csv or .npz" };
+            let why = format!("has coordinates up to {farthest:.3e}, but .spz holds 8388607; use {better}");
             return Err(Error::input("grid", why));
         };
-        let rounding = 0.5 / f64::from(1u32 << fractional_bits) / voxels.grid.finest_spacing();
+        let note = gaussians.rounding_note(".spz", 0.5 / f64::from(1u32 << fractional_bits));
         let turn = if gaussians.rotation.w < 0.0 { -gaussians.rotation } else { gaussians.rotation };
         Ok(Packing {
             count,
             fractional_bits,
             scales: scales.map(|scale| byte((scale + 10.0) * 16.0)),
             rotation: [turn.x, -turn.y, -turn.z].map(|component| byte(component * 127.5 + 127.5)),
-            rounding,
-        })
-    }
-
-    /// Returns a warning if positions are rounded so much that it shows.
-    pub(crate) fn note(&self) -> Option<String> {
-        (self.rounding > 0.1).then(|| {
-            format!(
-                "warning: .spz rounds positions by up to {:.2} voxels, as the grid is far from the origin",
-                self.rounding
-            )
+            note,
         })
     }
 }

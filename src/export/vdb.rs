@@ -141,8 +141,9 @@ fn transform(voxels: &StoredVoxels) -> Result<[f64; 16]> {
     let [x, y, z]: [[f64; 3]; 3] = std::array::from_fn(|a| grid.direction[a].map(|c| c * grid.spacing[a]));
     let volume = glam::DMat3::from_cols_array_2d(&[x, y, z]).determinant().abs();
     if volume.is_nan() || volume < LEAST_DETERMINANT {
-        let why = format!("of a voxel is {volume:.1e}, but OpenVDB refuses volumes below 1e-14; use another format");
-        return Err(Error::input("volume", why));
+        let why =
+            format!("has voxels of volume {volume:.1e}, but OpenVDB refuses volumes below 1e-14; use another format");
+        return Err(Error::input("grid", why));
     }
     let o = grid.origin;
     Ok([x[0], x[1], x[2], 0.0, y[0], y[1], y[2], 0.0, z[0], z[1], z[2], 0.0, o[0], o[1], o[2], 1.0])

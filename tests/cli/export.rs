@@ -342,7 +342,8 @@ fn packed_gaussians_have_bounds() {
     folder.adj("export tiny.adj -o a.spz").refused(&["4.6e-5 to 379", "use .ply"]);
     folder.adj("build phantom:corners --dims 60000x3x3 --spacing 300x300x300 -o far.adj").done();
     folder.adj("export far.adj -o a.spz").refused(&["8388607", "use .ply"]);
-    folder.adj("export tiny.adj -o a.vdb").refused(&["OpenVDB", "use another format"]);
+    let said = folder.adj("export tiny.adj -o a.vdb").refused(&["OpenVDB", "use another format"]);
+    assert!(!said.contains("--volume"), "a flag that there is not: {said}");
     folder.adj("build phantom:corners --dims 9x9x9 -o a.adj").done();
     folder.adj("export a.adj -o a.spz").done();
     let packed = std::fs::read(folder.file("a.spz")).expect("it was written");
@@ -527,4 +528,54 @@ fn a_stopped_export_leaves_nothing() {
         }
         assert_eq!(folder.names(), ["a.adj"], "{ending}");
     }
+}
+
+/// Writes 2 x 2 x 2 samples of `ty`, 0.001 apart, whose first point is at `origin`.
+fn small_volume(folder: &Folder, ty: &str, samples: &[u8], origin: &str) {
+    let header = format!(
+        "NRRD0004\ntype: {ty}\ndimension: 3\nspace: right-anterior-superior\nsizes: 2 2 2\nencoding: raw\nendian: little\n\
+         space directions: (0.001,0,0) (0,0.001,0) (0,0,0.001)\nspace origin: ({origin},0,0)\n\n"
+    );
+    folder.write("v.nrrd", &[header.as_bytes(), samples].concat());
+    folder.adj("build v.nrrd --range 1.. -q -o v.adj").done();
+}
+
+/// They became infinite without a word.
+#[test]
+fn values_beyond_single_precision_are_refused_by_vdb() {
+    let folder = Folder::new();
+    small_volume(
+        &folder,
+        "double",
+        &[1.0, 2.0, 3e300, 4.0, 5.0, 6.0, 7.0, 8e300f64].map(f64::to_le_bytes).concat(),
+        "0",
+    );
+    folder.adj("export v.adj -o v.vdb").refused(&["values", "beyond single precision", ".nrrd"]);
+    assert_eq!(folder.names(), ["v.adj", "v.nrrd"]);
+    folder.adj("export v.adj -o v.csv").done();
+}
+
+/// Voxels fell onto each other without a word; and .spz advised .ply, which is no better.
+#[test]
+fn places_that_gaussians_round_are_told() {
+    let folder = Folder::new();
+    let export = |origin: &str, name: &str| {
+        small_volume(&folder, "uint8", &[1, 2, 3, 4, 5, 6, 7, 8], origin);
+        folder.adj(&format!("export v.adj -o {name}"))
+    };
+    assert_eq!(export("0", "v.ply").stderr, "");
+    for ending in ["ply", "spz"] {
+        let told = export("1e6", &format!("v.{ending}")).stderr;
+        let warning = format!("warning: .{ending} rounds positions by up to ");
+        assert!(told.contains(&warning) && told.contains("use .csv or .npz"), "{told}");
+    }
+    export("1e9", "v.spz").refused(&["8388607", "use .csv or .npz"]);
+}
+
+#[test]
+fn a_fraction_as_fill_is_the_nearest_single() {
+    let folder = Folder::new();
+    small_volume(&folder, "float", &[0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5f32].map(f32::to_le_bytes).concat(), "0");
+    assert!(folder.adj("export v.adj -o v.nrrd --fill 0.1").done().contains("0.10000000149011612 elsewhere"));
+    folder.adj("export v.adj -o v.nrrd --fill 1e39").refused(&["--fill", "3.4e38"]);
 }
