@@ -5,6 +5,7 @@
 //! thread that reads only repeats its read until then.
 
 use std::path::PathBuf;
+use std::sync::mpsc::channel;
 
 use signal_hook::consts::SIGBUS;
 use signal_hook::iterator::Signals;
@@ -20,10 +21,9 @@ const PAGE: u64 = if cfg!(target_arch = "x86_64") { 1 << 12 } else { 1 << 16 };
 /// To be called before any thread is started: one that starts while Rust's own handler runs waits for ever.
 pub(super) fn catch_cut_files() {
     forgo_default_handler();
-    // Without a handler the signal ends the process; that is no reason to fail.
-    let Ok(mut signals) = Signals::new([SIGBUS]) else { return };
-    std::thread::spawn(move || {
-        if signals.forever().next().is_some() {
+    let (sender, receiver) = channel::<Signals>();
+    let speaker = std::thread::Builder::new().spawn(move || {
+        if receiver.recv().is_ok_and(|mut signals| signals.forever().next().is_some()) {
             abandon_writes();
             match cut_file() {
                 Some(path) => print_note(&format!("{}: the file was cut while it was read", path.display())),
@@ -32,6 +32,12 @@ pub(super) fn catch_cut_files() {
             std::process::exit(2);
         }
     });
+    // Without a thread or a handler the signal ends the process; that is no reason to fail.
+    if speaker.is_ok()
+        && let Ok(signals) = Signals::new([SIGBUS])
+    {
+        let _ = sender.send(signals);
+    }
 }
 
 /// Makes Rust's own handler of SIGBUS, which looks for stack overflows, give way.

@@ -53,7 +53,10 @@ impl Progress {
         let style = ProgressStyle::with_template("{prefix:>12} {bar:32} {pos}/{len} {per_sec}, {eta} left")
             .expect("the template is a constant");
         let bar = ProgressBar::with_draw_target(Some(0), target).with_style(style);
-        bar.enable_steady_tick(Duration::from_millis(250));
+        // The ticker is a thread, and panics where there is none.
+        if !bar.is_hidden() && std::thread::Builder::new().spawn(|| ()).is_ok() {
+            bar.enable_steady_tick(Duration::from_millis(250));
+        }
         Progress { bar, phase: None }
     }
 

@@ -7,13 +7,15 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::Builder;
 
 use crate::error::Result;
 
 /// Calls `work` for each item of `0..count` on `threads` threads, and passes the results in item order to `take`.
 ///
 /// `take` runs on the caller's thread. Each worker creates its own buffer with `scratch` and passes it to every call of
-/// `work`. If `threads` is 1 no thread is spawned: the caller's thread does everything.
+/// `work`. If `threads` is 1 no thread is spawned: the caller's thread does everything. So it does if the system gives no thread;
+/// if it gives fewer, these do.
 ///
 /// # Errors
 /// The first error of `work`, in item order, or of `take`; later results are dropped.
@@ -35,8 +37,9 @@ pub fn in_order<S, T: Send>(
     std::thread::scope(|scope| {
         let (queue, items) = channel::<(usize, SyncSender<Result<T>>)>();
         let items = Arc::new(Mutex::new(items));
+        let mut spawned = 0;
         for items in std::iter::repeat_n(items, threads.min(count)) {
-            scope.spawn(move || {
+            let worker = Builder::new().spawn_scoped(scope, move || {
                 let mut scratch = scratch();
                 let next = || items.lock().unwrap_or_else(PoisonError::into_inner).recv();
                 while let Ok((item, result)) = next() {
@@ -47,6 +50,11 @@ pub fn in_order<S, T: Send>(
                     let _ = result.send(work(&mut scratch, item));
                 }
             });
+            spawned += usize::from(worker.is_ok());
+        }
+        if spawned == 0 {
+            let mut scratch = scratch();
+            return (0..count).try_for_each(|item| take(item, work(&mut scratch, item)?));
         }
         let mut unsent = 0..count;
         let mut results: VecDeque<Receiver<Result<T>>> = VecDeque::new();
@@ -102,7 +110,8 @@ pub(crate) fn on_each<S, T: Send, R: Send>(
         results
     };
     let mut results = std::thread::scope(|scope| {
-        let others: Vec<_> = (1..threads.min(count)).map(|_| scope.spawn(run)).collect();
+        let others: Vec<_> =
+            (1..threads.min(count)).map_while(|_| Builder::new().spawn_scoped(scope, run).ok()).collect();
         let mut results = run();
         for other in others {
             results.extend(other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));

@@ -75,9 +75,11 @@ pub(super) fn sweep<S, T: Send>(
             .map(|(z, y)| RowBlock { z, rows: y..(y + step).min(height) })
             .collect();
         let result = std::thread::scope(|scope| {
+            // Without a thread the slices are read when they are needed.
             let next = (schedule.read_ahead && to < depth).then(|| {
                 let (reader, end) = (&mut reader, end_of(to));
-                scope.spawn(move || reader.read(end, (end + reach).min(depth)))
+                let read = move || reader.read(end, (end + reach).min(depth));
+                std::thread::Builder::new().spawn_scoped(scope, read).ok()
             });
             let groups: Vec<&[RowBlock]> = blocks.chunks(together as usize).collect();
             let work = |scratch: &mut S, index: usize| -> Result<Vec<T>> {
@@ -86,7 +88,8 @@ pub(super) fn sweep<S, T: Send>(
             let worked = in_order(groups.len(), schedule.threads, &scratch, work, |index, results| {
                 groups[index].iter().zip(results).try_for_each(|(block, result)| take(block, result))
             });
-            let next = next.map(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+            let next =
+                next.flatten().map(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
             worked.and(next.transpose())
         });
         if let Some(slices) = result? {

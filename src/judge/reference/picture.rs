@@ -28,19 +28,22 @@ impl ReferencePicture {
     pub(super) fn draw<S: Default>(&mut self, threads: usize, draw: impl Fn(&mut S, usize, usize) -> [f64; 4] + Sync) {
         let columns = self.size[0] as usize;
         let next_row = Mutex::new(self.pixels.chunks_mut(columns).enumerate());
-        std::thread::scope(|scope| {
-            for _ in 0..threads {
-                scope.spawn(|| {
-                    let mut scratch = S::default();
-                    loop {
-                        let taken = next_row.lock().unwrap_or_else(PoisonError::into_inner).next();
-                        let Some((row, pixels)) = taken else { return };
-                        for (column, pixel) in pixels.iter_mut().enumerate() {
-                            *pixel = draw(&mut scratch, column, row);
-                        }
-                    }
-                });
+        let draw_rows = || {
+            let mut scratch = S::default();
+            loop {
+                let taken = next_row.lock().unwrap_or_else(PoisonError::into_inner).next();
+                let Some((row, pixels)) = taken else { return };
+                for (column, pixel) in pixels.iter_mut().enumerate() {
+                    *pixel = draw(&mut scratch, column, row);
+                }
             }
+        };
+        std::thread::scope(|scope| {
+            for _ in 1..threads {
+                // The threads that the system gives.
+                let _ = std::thread::Builder::new().spawn_scoped(scope, draw_rows);
+            }
+            draw_rows();
         });
     }
 

@@ -8,6 +8,8 @@
 //! reference shares its model with the renderers: integrals of kernels along rays, the low-pass
 //! filter, the largest optical depth of a splat, the lighting. [`RayJudge`](super::RayJudge) shares only the lighting.
 
+use std::sync::{Mutex, PoisonError};
+
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::LOW_PASS;
@@ -151,16 +153,23 @@ impl Judge {
         let mut picture = ReferencePicture::filled(settings.size, start)?;
         let [columns, rows] = settings.size.map(|side| side as usize);
         let band_rows = rows.div_ceil(settings.threads.min(rows));
-        std::thread::scope(|scope| {
-            for (band, pixels) in picture.pixels_mut().chunks_mut(band_rows * columns).enumerate() {
-                let (projector, order) = (&projector, &order);
-                scope.spawn(move || {
-                    let mut band = PixelRows { first_row: band * band_rows, columns, pixels };
-                    for &at in order {
-                        projector.splat(&voxels[at as usize], &mut band);
-                    }
-                });
+        let bands = Mutex::new(picture.pixels_mut().chunks_mut(band_rows * columns).enumerate());
+        let draw = || {
+            loop {
+                let taken = bands.lock().unwrap_or_else(PoisonError::into_inner).next();
+                let Some((band, pixels)) = taken else { return };
+                let mut band = PixelRows { first_row: band * band_rows, columns, pixels };
+                for &at in &order {
+                    projector.splat(&voxels[at as usize], &mut band);
+                }
             }
+        };
+        std::thread::scope(|scope| {
+            for _ in 1..settings.threads.min(rows) {
+                // The threads that the system gives.
+                let _ = std::thread::Builder::new().spawn_scoped(scope, draw);
+            }
+            draw();
         });
         for pixel in picture.pixels_mut() {
             *pixel = match settings.mode {
