@@ -6,6 +6,7 @@
 use glam::DVec3;
 
 use super::Settings;
+use super::camera::SOUND_LENGTHS;
 use crate::error::{Error, Result};
 use crate::traverse::VoxelBox;
 use crate::volume::Grid;
@@ -29,10 +30,18 @@ impl ClipPlane {
     /// [`Error::Input`] if not.
     pub fn check(&self) -> Result<()> {
         let is_finite = self.point.iter().chain(&self.normal).all(|number| number.is_finite());
-        if is_finite && DVec3::from_array(self.normal).try_normalize().is_some() {
+        if is_finite && self.unit_normal().is_some() {
             return Ok(());
         }
         Err(Error::input("clip plane", "must have a finite point and a finite normal that is not 0"))
+    }
+
+    /// Returns the normal with length 1; `None` if it has no direction.
+    fn unit_normal(&self) -> Option<DVec3> {
+        let normal = DVec3::from_array(self.normal);
+        // The squares of other numbers overflow, or lose their digits.
+        let largest = normal.abs().max_element();
+        if SOUND_LENGTHS.contains(&largest) { normal.try_normalize() } else { (normal / largest).try_normalize() }
     }
 }
 
@@ -97,7 +106,7 @@ impl IndexPlane {
     /// Rounds a plane. The products of indices in the grid stay below 2^30.
     fn new(plane: &ClipPlane, grid: &Grid) -> IndexPlane {
         // A plane's normal is a covector: a step along an axis moves by its product with the world vector of the step.
-        let normal = DVec3::from_array(plane.normal).normalize();
+        let normal = plane.unit_normal().unwrap_or(DVec3::NAN);
         let steps = [0, 1, 2].map(|a| normal.dot(DVec3::from_array(grid.direction[a])) * grid.spacing[a]);
         let from_origin = normal.dot(DVec3::from_array(plane.point) - DVec3::from_array(grid.origin));
         let dims = grid.dims.map(f64::from);

@@ -5,8 +5,8 @@
 
 use glam::DVec3;
 
-use super::camera::{Camera, Orbit, Projection, WorldFrame};
-use super::require_pixels;
+use super::camera::{Camera, Orbit, Projection, SOUND_LENGTHS, WorldFrame};
+use super::{require, require_pixels};
 use crate::arena::Lane;
 use crate::arena::layout::TileRecord;
 use crate::error::Result;
@@ -215,8 +215,14 @@ impl Camera {
             .map(|(orbit, &[_, up, outward])| {
                 let (distance, projection) = match orbit.fov {
                     None => (outside, Projection::Parallel { height: scale / orbit.zoom }),
-                    Some(_) => {
-                        (scale, Projection::Perspective { fov: 2.0 * (tangent / orbit.zoom).atan().to_degrees() })
+                    Some(fov) => {
+                        let zoomed = 2.0 * (tangent / orbit.zoom).atan().to_degrees();
+                        let why = format_args!("is {:?}, which leaves no angle of view", orbit.zoom);
+                        require(zoomed > 0.0 && zoomed < 180.0, "zoom", why)?;
+                        let is_sound = SOUND_LENGTHS.contains(&scale) || !SOUND_LENGTHS.contains(&outline.radius());
+                        let why = format_args!("is {fov:?} degrees, which is too narrow to see everything");
+                        require(is_sound, "angle of view", why)?;
+                        (scale, Projection::Perspective { fov: zoomed })
                     }
                 };
                 Camera::new((target + outward * distance).to_array(), target.to_array(), up.to_array(), projection)
