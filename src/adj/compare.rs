@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::progress::interrupted;
+use super::progress::{catch_interrupts, interrupted};
 use super::values::{Background, background};
 use super::{Answer, check_output, print_result};
 use adjsplat::error::Result;
@@ -37,7 +37,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = bound)]
     max_error: Option<f64>,
     /// The metric that --max-error is for
-    #[arg(long, value_name = "M", value_enum, default_value_t = Metric::Max)]
+    #[arg(long, value_name = "M", value_enum, default_value_t = Metric::Max, requires = "max_error")]
     metric: Metric,
     /// Write a picture of the absolute differences: black is none, pale yellow the largest
     #[arg(long, value_name = "FILE.png|FILE.exr")]
@@ -107,6 +107,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let metrics = compare(&a, &b, *background)?;
     let within = max_error.is_none_or(|bound| metric.is_within(&metrics, bound));
     let document = document(&metrics, max_error.map(|_| within));
+    catch_interrupts();
     if let Some(path) = json_file {
         write_atomically_unless(&interrupted, path, |out| writeln!(out, "{document:#}"))?;
     }

@@ -27,8 +27,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         &[[file.as_path(), Path::new("-o"), &picture].as_slice(), &view.map(Path::new)].concat(),
     );
     let (file, picture) = (file.display(), picture.display());
-    if drawn.is_err() {
-        print_note(&format!("note: {file} is there, without a picture"));
+    match drawn {
+        Err(Error::Interrupted) => {
+            print_note(&format!("stopped; {file} is there, without a picture"));
+            return Ok(Answer::Failed);
+        }
+        Err(_) => print_note(&format!("note: {file} is there, without a picture")),
+        Ok(()) => {}
     }
     drawn?;
     print_result(&format!(

@@ -111,8 +111,8 @@ fn main() -> ExitCode {
         // A write beyond the largest size of a file (ulimit -f) then fails, as on a full disk. Else it ends the process.
         let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
     }
-    // A window and a server have nothing to finish: they end at once.
-    if !matches!(cli.command, Command::View(_) | Command::Serve(_)) {
+    // A window, a server and a check have nothing to finish: they end at once. So does a comparison before it writes.
+    if !matches!(cli.command, Command::View(_) | Command::Serve(_) | Command::Verify(_) | Command::Compare(_)) {
         progress::catch_interrupts();
     }
     match run(&cli.command) {

@@ -124,6 +124,45 @@ fn asked_twice_it_ends_even_where_it_waits() {
     assert!(folder.names().is_empty());
 }
 
+/// They went on to their end.
+#[test]
+fn checks_and_comparisons_end_at_once() {
+    let folder = Folder::new();
+    folder.adj("build phantom:noise --dims 96x96x96 -o n.adj --quiet").done();
+    folder.adj("render n.adj -o a.png --size 1600x1600 --renderer cpu --quality draft -q").done();
+    let verify = format!("verify{}", " n.adj".repeat(1000));
+    for line in [verify.as_str(), "compare a.png a.png --diff d.png --json d.json"] {
+        let mut child = start(&folder, line);
+        std::thread::sleep(Duration::from_millis(200));
+        assert!(child.try_wait().expect("it is ours").is_none(), "it works");
+        signal(&child, "-INT");
+        // The signal ends it, and there is no code.
+        assert_eq!(ended(&mut child, Duration::from_secs(2)), None);
+        assert_eq!(folder.names(), ["a.png", "n.adj"]);
+    }
+}
+
+/// It said that nothing was written.
+#[test]
+fn a_demo_that_is_stopped_while_it_draws_says_what_is_there() {
+    let folder = Folder::new();
+    let mut demo = program();
+    demo.current_dir(folder.path()).arg("demo").stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut child = demo.spawn().expect("the program was built");
+    while !folder.file("adj-demo.adj").exists() && child.try_wait().expect("it is ours").is_none() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let _ = Command::new("kill").args(["-INT", &child.id().to_string()]).stderr(Stdio::null()).status();
+    let code = ended(&mut child, Duration::from_secs(10));
+    let mut said = String::new();
+    std::io::Read::read_to_string(&mut child.stderr.take().expect("piped"), &mut said).expect("text");
+    match code {
+        Some(2) if said.contains("nothing was written") => say("SKIPPED: the demo was stopped before it drew"),
+        Some(2) => assert_eq!(said, "adj: stopped; ./adj-demo.adj is there, without a picture\n"),
+        code => assert_eq!(code, Some(0), "{said}"),
+    }
+}
+
 /// One frame was drawn to its end, for minutes.
 #[test]
 fn a_picture_that_takes_long_stops_and_leaves_nothing() {
