@@ -37,7 +37,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut trouble: Option<Error> = None;
     for path in &arguments.files {
         let found = match Collection::is_at(path) {
-            true => check_collection(path, arguments.json),
+            true => check_collection(path, arguments),
             false => check_file(path, arguments),
         };
         match found {
@@ -83,14 +83,16 @@ fn check_file(path: &Path, arguments: &Arguments) -> Result<bool> {
 }
 
 /// Checks all bricks of a collection, and prints what is wrong; returns whether it is sound.
-fn check_collection(path: &Path, as_json: bool) -> Result<bool> {
+fn check_collection(path: &Path, arguments: &Arguments) -> Result<bool> {
     let start = Instant::now();
     let collection = Collection::open(path)?;
-    let found = collection.check();
+    let files = collection.bricks().iter().filter_map(|brick| brick.file.as_ref()).chain(collection.preview());
+    // Opened again one by one, each with all of the memory.
+    let found: Vec<Error> = files.filter_map(|file| check(file.path(), arguments.memory).err()).collect();
     let faults: Vec<String> =
         collection.faults().iter().chain(collection.preview_fault()).chain(&found).map(one_line).collect();
     let (name, bricks) = (path.display().to_string(), collection.bricks().len());
-    if as_json {
+    if arguments.json {
         let report = json!({ "file": name, "sound": faults.is_empty(), "bricks": bricks, "faults": faults });
         print_result(&report.to_string());
     } else if faults.is_empty() {

@@ -2,7 +2,7 @@
 
 use adjsplat_tests::{at_full, say};
 
-use super::harness::{Folder, Runs as _};
+use super::harness::{Folder, Runs as _, program};
 
 const LEAST: u64 = 64 << 20;
 
@@ -40,6 +40,26 @@ fn a_file_larger_than_the_memory_gives_the_same_picture_within_it() {
         }
     }
     assert!(folder.adj("verify big.adj --memory 64MiB").done().contains("sound"));
+    // The bricks of a collection were read without a bound.
+    folder.adj("split big.adj -o big.adjs --slab 152 -q").done();
+    let mut verify = program();
+    let mut child = verify
+        .current_dir(folder.path())
+        .args(["verify", "big.adjs", "--memory", "64MiB"])
+        .spawn()
+        .expect("it was built");
+    let mut peak = None;
+    while child.try_wait().expect("it is ours").is_none() {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
+        let kilobytes = status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB"));
+        peak = kilobytes.and_then(|number| number.parse::<u64>().ok()).or(peak);
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    assert!(child.wait().expect("it ended").success());
+    match peak {
+        Some(peak) => assert!(peak << 10 <= LEAST, "{peak} KiB"),
+        None => say("SKIPPED: this system does not say how much memory a process took"),
+    }
 }
 
 #[test]
