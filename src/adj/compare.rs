@@ -22,6 +22,7 @@ use adjsplat_pictures::{Picture, PictureKind, SampleDepth};
 /// where one of these samples is not 0 in one of the pictures. Over an opaque background no pixel is empty: draw with
 /// --background transparent. The column "display" compares sRGB values of the same pixels over the background. So do
 /// ssim (of luma, 0.2126 R + 0.7152 G + 0.0722 B of the sRGB values) and flip (at 67 pixels per degree), of all pixels.
+/// energy is the sum of all linear samples of B, divided by that of A, minus 1.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj compare right.exr draft.exr\n  adj compare right.png other.png --max-error 0.01 --diff where.png\n  adj compare right.png other.png --metric psnr --max-error 42 --json -"

@@ -1,6 +1,6 @@
 //! `adj composite`: puts pictures of bricks together.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -9,7 +9,7 @@ use super::values::{Background, background, choice};
 use super::{Answer, check_output, print_result};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::write_atomically_unless;
-use adjsplat::splat::Mode;
+use adjsplat::splat::{Frame, Mode};
 use adjsplat_pictures::{Picture, PictureKind, PicturePart, SampleDepth, read_part, read_picture};
 
 /// Put transparent pictures of bricks together: the picture of what all of them show
@@ -48,12 +48,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     check_output("--output", &arguments.output, &arguments.pictures)?;
     let (first, farther) = arguments.pictures.split_first().expect("one at least is required");
     check_parts(arguments)?;
-    let mut picture = read_picture(first)?;
+    let mut picture = read_finite(first)?;
     for path in farther {
         if interrupted() {
             return Err(Error::Interrupted);
         }
-        let behind = read_picture(path)?;
+        let behind = read_finite(path)?;
         let ([columns, rows], size) = (behind.size(), picture.size());
         if [columns, rows] != size {
             let why = format!("is {columns}x{rows}, but the first picture is {}x{}", size[0], size[1]);
@@ -69,6 +69,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let ([columns, rows], count) = (picture.size(), arguments.pictures.len());
     print_result(&format!("{}: {columns}x{rows}, of {count} pictures", arguments.output.display()));
     Ok(Answer::Yes)
+}
+
+fn read_finite(path: &Path) -> Result<Frame> {
+    let picture = read_picture(path)?;
+    match picture.pixels().iter().all(|sample| sample.is_finite()) {
+        true => Ok(picture),
+        false => Err(Error::input(path.display().to_string(), "has samples that are no finite numbers")),
+    }
 }
 
 /// Checks that the pictures are all parts of one picture, in their order, if any of them says which part it is.

@@ -212,3 +212,26 @@ fn an_error_bound_of_a_volume_counts_the_bits_that_it_is_stored_with() {
         draw("both.json", &format!("--max-error {bound} -o x.exr")).refused(&["--max-error"]);
     }
 }
+
+#[test]
+fn a_metric_without_a_bound_is_refused() {
+    Folder::new().adj("compare a.png b.png --metric psnr").refused(&["--max-error"]);
+}
+
+/// `adj compare` refused what `adj composite` wrote.
+#[test]
+fn pictures_that_are_not_finite_are_not_put_together() {
+    use adjsplat_pictures::{Picture, PictureKind, SampleDepth};
+    let folder = Folder::new();
+    for (name, sample) in [("nan.exr", f32::NAN), ("infinite.exr", f32::INFINITY), ("a.exr", 0.5)] {
+        let mut frame = adjsplat::splat::Frame::transparent([4, 4]).expect("small");
+        frame.pixels_mut().fill(sample);
+        let mut bytes = Vec::new();
+        Picture::new(&frame, PictureKind::Exr, SampleDepth::Eight).write(&mut bytes).expect("memory");
+        folder.write(name, &bytes);
+    }
+    for pictures in ["nan.exr a.exr", "a.exr infinite.exr"] {
+        folder.adj(&format!("composite {pictures} -o b.exr")).refused(&[".exr", "no finite numbers"]);
+    }
+    folder.adj("composite a.exr a.exr -o b.exr").done();
+}
