@@ -62,7 +62,7 @@ struct PlanArguments {
     /// Coarser levels of detail to store in each brick, each on a grid of half the points: a number of them, none, or auto for
     /// as many as are of use and no brick's border divides: borders at multiples of 2, 4, 8 ... points. Pictures brick by brick
     /// then read the level that they need, and the preview is a level
-    #[arg(long, value_name = "N|auto|none", default_value = "none", value_parser = levels, help_heading = "Packing")]
+    #[arg(long, value_name = "N|auto|none", default_value = "none", allow_hyphen_values = true, value_parser = levels, help_heading = "Packing")]
     levels: Levels,
     #[command(flatten)]
     reading: InputArguments,

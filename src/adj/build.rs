@@ -55,7 +55,7 @@ pub(super) struct Arguments {
     /// the level below it, along the axes with the smallest spacing. Small pictures are then drawn faster. auto adds levels
     /// as long as the last one has 4096 voxels or more and 63 points or more along its longest axis, and the next one has at
     /// most nine tenths of its voxels
-    #[arg(long, value_name = "N|auto|none", default_value = "none", value_parser = levels, help_heading = "Packing")]
+    #[arg(long, value_name = "N|auto|none", default_value = "none", allow_hyphen_values = true, value_parser = levels, help_heading = "Packing")]
     levels: Levels,
     #[command(flatten)]
     culling: CullArguments,

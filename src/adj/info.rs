@@ -270,7 +270,10 @@ fn of_volume(arguments: &Arguments, input: &Input) -> Result<(Value, Histogram)>
     let header = source.header().clone();
     let mut progress = Progress::new(arguments.json);
     let histogram = Histogram::of(&mut *source, &mut progress)?;
-    if !arguments.plot.is_empty() && !histogram.counts.is_empty() {
+    if !arguments.plot.is_empty() {
+        if histogram.counts.is_empty() {
+            return Err(Error::input("--plot", "has nothing to show: no sample is a finite number; leave it out"));
+        }
         let gradients = histogram.gradients(&mut *source, POINTS, &mut progress)?;
         let name = input.path().file_name().unwrap_or_default().to_string_lossy();
         write_plots(&arguments.plot, &plot(&name, &histogram, &gradients))?;

@@ -108,7 +108,7 @@ pub(super) struct InputArguments {
     #[arg(long, value_name = "N", default_value_t = 0)]
     volume: u32,
     /// Resolution to read of an OME-Zarr image; 0 is the finest
-    #[arg(long, value_name = "N", default_value = "0", value_parser = resolution)]
+    #[arg(long, value_name = "N", default_value = "0", allow_hyphen_values = true, value_parser = resolution)]
     pub(super) level: LevelChoice,
     /// DICOM series to read if the folder holds several: its number in the list that adj prints, or the end of its UID
     #[arg(long, value_name = "NUMBER|UID")]

@@ -154,15 +154,22 @@ fn run(command: &Command) -> Result<Answer> {
 fn usage(error: &clap::Error) -> ExitCode {
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
-            // A closed pipe is no error.
-            let _ = error.print();
-            ExitCode::from(if error.use_stderr() { 2 } else { 0 })
+            let written = error.print().and_then(|()| std::io::stdout().flush());
+            if error.use_stderr() {
+                return ExitCode::from(2);
+            }
+            finish_stdout(written);
+            ExitCode::SUCCESS
         }
         _ => {
             // clap writes one paragraph about what is wrong, then tips and usage.
             let text = error.render().to_string();
             let wrong: Vec<&str> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
             let tip = text.lines().map(str::trim).find_map(|line| line.strip_prefix("tip: "));
+            // As a value of a flag, a negative number cannot follow "--".
+            let is_number =
+                |tip: &str| tip.split("'-- -").nth(1).is_some_and(|tip| tip.starts_with(|c: char| c.is_ascii_digit()));
+            let tip = tip.filter(|tip| !is_number(tip));
             let (mut command, mut help) = (Cli::command(), "adj".to_owned());
             for word in std::env::args_os().skip(1) {
                 let Some(subcommand) = command.find_subcommand(&word) else { break };
@@ -202,8 +209,14 @@ fn finish_stdout(written: std::io::Result<()>) {
     }
 }
 
-/// Prints an error or a warning in one line to stderr; a failure to print is ignored.
+/// Whether the user wants no notes; errors and warnings are still printed.
+static WITHOUT_NOTES: AtomicBool = AtomicBool::new(false);
+
+/// Prints an error, a warning or a note in one line to stderr; a failure to print is ignored.
 fn print_note(text: &str) {
+    if text.starts_with("note: ") && WITHOUT_NOTES.load(Ordering::Relaxed) {
+        return;
+    }
     let text = flags::with_flags(text).replace(['\n', '\r'], " ");
     let _ = writeln!(std::io::stderr(), "adj: {}", printable(&text));
 }

@@ -35,10 +35,10 @@ impl RendererArguments {
         let is_named = self.adapter.is_some() || std::env::var_os("WGPU_ADAPTER_NAME").is_some();
         let is_free = is_auto && !is_named;
         if is_free && !has_hardware() {
-            return Ok(Renderer::Cpu(scene));
+            return Ok(self.processor(scene));
         }
         let opened = match adapter::open(self.adapter.as_deref()) {
-            Ok(opened) if is_free && opened.facts.is_software() => return Ok(Renderer::Cpu(scene)),
+            Ok(opened) if is_free && opened.facts.is_software() => return Ok(self.processor(scene)),
             Err(fault) if is_auto && self.adapter.is_none() => return Ok(Renderer::instead(&fault, scene)),
             opened => opened?,
         };

@@ -7,6 +7,7 @@ mod missing;
 mod view;
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use clap::Args;
@@ -27,7 +28,7 @@ use super::resources::processors;
 use super::size::memory;
 use super::stored::{missing_values, stored_transfer};
 use super::values::{LevelChoice, level, number};
-use super::{Answer, check_output, print_note};
+use super::{Answer, WITHOUT_NOTES, check_output, print_note};
 use adjsplat::arena::Arena;
 use adjsplat::build::Resources;
 use adjsplat::classify::TransferFunction;
@@ -116,6 +117,7 @@ fn part(text: &str) -> Result<[usize; 2], String> {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
+    WITHOUT_NOTES.store(arguments.quiet, Ordering::Relaxed);
     let kind = PictureKind::of(&arguments.output)?;
     let input = Input::find(&arguments.input)?;
     let texts = || arguments.classification.files().chain(arguments.view.camera.as_ref().map(PathBuf::from));

@@ -164,7 +164,7 @@ impl RendererArguments {
                 let why = format!("{} is not for graphics devices; take --renderer cpu", blending.name());
                 Err(Error::input("--blending", why))
             }
-            (RendererName::Auto, _) if is_bounded && self.adapter.is_none() => Ok(Renderer::Cpu(scene)),
+            (RendererName::Auto, _) if is_bounded && self.adapter.is_none() => Ok(self.processor(scene)),
             _ if is_bounded => {
                 let why = "cannot be kept by a graphics driver; leave it out (--vram bounds the device), or take --renderer cpu";
                 Err(Error::input("--memory", why))
@@ -173,10 +173,18 @@ impl RendererArguments {
         }
     }
 
+    /// Returns the processor's renderer where the user may have thought of a device, and says so.
+    pub(super) fn processor<'a>(&self, scene: Scene<'a>) -> Renderer<'a> {
+        if let Some((flag, _)) = self.of_devices().into_iter().find(|(_, is_given)| *is_given) {
+            print_note(&format!("note: {flag} is for graphics devices, but the processor draws"));
+        }
+        Renderer::Cpu(scene)
+    }
+
     #[cfg(not(feature = "gpu"))]
     fn device_or_cpu<'a>(&self, scene: Scene<'a>, is_auto: bool) -> Result<Renderer<'a>> {
         match is_auto && self.adapter.is_none() {
-            true => Ok(Renderer::Cpu(scene)),
+            true => Ok(self.processor(scene)),
             false => Err(Error::device("support was left out of this program; take --renderer cpu")),
         }
     }

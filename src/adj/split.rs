@@ -89,7 +89,7 @@ struct BrickArguments {
     #[arg(long, value_name = "SLICES", value_parser = number(1..=65_535u32))]
     slab: Option<u32>,
     /// Voxels of a brick along x, y and z: 128x128x64; 0 does not cut an axis
-    #[arg(long, value_name = "XxYxZ", value_parser = brick)]
+    #[arg(long, value_name = "XxYxZ", allow_hyphen_values = true, value_parser = brick)]
     brick: Option<[u32; 3]>,
 }
 

@@ -63,7 +63,7 @@ pub(super) struct Arguments {
     packing: PackingArguments,
     /// Coarser levels of detail: a number of them, none, or auto for as many as are of use. They are made again from what
     /// is left; by default as many as the input has
-    #[arg(long, value_name = "N|auto|none", value_parser = levels, help_heading = "Packing (as in the input by default)")]
+    #[arg(long, value_name = "N|auto|none", allow_hyphen_values = true, value_parser = levels, help_heading = "Packing (as in the input by default)")]
     levels: Option<Levels>,
     #[command(flatten)]
     resources: ResourceArguments,
@@ -76,7 +76,7 @@ struct PackingArguments {
     /// What to leave out of each voxel, with commas between: normals (lighting), magnitudes (of gradients)
     #[arg(long, value_name = "CHANNELS", value_delimiter = ',')]
     drop: Vec<Channel>,
-    /// Reduce values from 16 bits to 8; exact if at most 256 different values are left
+    /// Reduce values from 16 bits to 8; exact if all that are left are among 256 multiples of one step
     #[arg(long, value_name = "BITS", value_parser = choice([("8", 8u8, "")]))]
     value_bits: Option<u8>,
     /// Reduce each component of a normal from 16 bits to 8

@@ -96,7 +96,7 @@ impl<'a> Gaussians<'a> {
 
     /// Returns the largest coordinate of a position, without its sign.
     pub(crate) fn farthest(&self) -> f64 {
-        let lane = self.voxels.arena.lane(Axis::X).expect("every arena that opens has the lane along x");
+        let lane = self.voxels.arena.x_lane();
         let (low, high) = lane.bounds().unwrap_or_default();
         let corners = (0..8).map(|corner| {
             self.voxels.position(std::array::from_fn(|a| if corner >> a & 1 == 1 { high[a] } else { low[a] }))

@@ -4,7 +4,7 @@ use std::process::Stdio;
 
 use adjsplat_tests::say;
 
-use super::harness::{Folder, Ran, Runs as _, adj, program};
+use super::harness::{Folder, RAW, Ran, Runs as _, adj, nrrd, program};
 
 /// The subcommands of `words`, as the help lists them.
 fn commands_of(words: &[&str]) -> Vec<String> {
@@ -74,6 +74,15 @@ fn wrong_flags_are_one_line_that_names_the_help() {
     for flag in ["--kernel", "--termination", "--size", "--frames"] {
         let said = refused(&format!("render x.nii -o a.png {flag} -1"), &["'-1'", flag]);
         assert!(!said.contains("-- -1"), "{said}");
+    }
+    for line in [
+        "trim x.adj -o a.adj --levels",
+        "render x.adj -o a.png --level",
+        "split x.adj -o a.adjs --brick",
+        "brick scan p",
+    ] {
+        let said = refused(&format!("{line} -1"), &["'-1'"]);
+        assert!(!said.contains("-- -1"), "what it advises cannot be: {said}");
     }
     refused("build x.nii --iso abc -o a.adj", &["--iso", "abc"]);
     refused("trim x.adj y.adj -o z.adj", &["y.adj", "see adj trim --help"]);
@@ -161,13 +170,64 @@ fn a_reader_that_goes_away_is_no_trouble() {
 fn a_result_that_could_not_be_written_is_told() {
     let folder = Folder::new();
     folder.small_arena("a.adj");
-    for line in ["info a.adj", "verify a.adj", "completions fish"] {
+    for line in ["info a.adj", "verify a.adj", "completions fish", "--help", "build --help", "--version"] {
         let full = std::fs::File::options().write(true).open("/dev/full").expect("it is there");
         let ran =
             program().current_dir(folder.path()).args(line.split(' ')).stdout(full).output().expect("it was built");
         assert_eq!(ran.status.code(), Some(2), "{line}");
         assert_eq!(Ran::new(&ran).stderr, "adj: cannot write the result: No space left on device (os error 28)\n");
     }
+}
+
+#[test]
+fn quiet_pictures_come_without_notes() {
+    let folder = Folder::new();
+    folder.write("v.nrrd", &nrrd("raw", &RAW));
+    let render = |flag: &str| folder.adj(&format!("render v.nrrd -o a.png --size 8x8 {flag}"));
+    assert!(render("").stderr.contains("note: "));
+    let quiet = render("--quiet");
+    assert_eq!((quiet.code, quiet.stderr.as_str()), (Some(0), ""));
+}
+
+#[test]
+fn flags_for_devices_that_do_nothing_are_told() {
+    let folder = Folder::new();
+    folder.small_arena("a.adj");
+    let ran = folder.adj("render a.adj -o a.png --size 8x8 --memory 64MiB --compositor tiles");
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    assert!(
+        ran.stderr.contains("note: --compositor is for graphics devices, but the processor draws"),
+        "{}",
+        ran.stderr
+    );
+}
+
+#[test]
+fn a_plot_of_no_finite_sample_is_refused() {
+    let folder = Folder::new();
+    let header = b"NRRD0004\ntype: float\ndimension: 3\nsizes: 2 2 2\nencoding: raw\nendian: little\n\n";
+    folder.write("nan.nrrd", &[&header[..], &[0xff; 32]].concat());
+    folder.adj("info nan.nrrd --plot a.png").refused(&["--plot", "no sample is a finite number"]);
+    assert_eq!(folder.names(), ["nan.nrrd"]);
+}
+
+/// The normal's square was 0 or infinite, and the camera's target was blamed for the angle.
+#[test]
+fn tiny_and_huge_numbers_are_used_or_named() {
+    let folder = Folder::new();
+    folder.small_arena("a.adj");
+    let render = |flags: &str| folder.adj(&format!("render a.adj -o a.png --size 40x30 {flags}"));
+    let picture = |flags: &str| {
+        render(flags).done();
+        std::fs::read(folder.file("a.png")).expect("it was written")
+    };
+    let cut = picture("--clip 150,0,0,1,0,0");
+    for length in ["1e-300", "1e300", "1e-320"] {
+        assert!(picture(&format!("--clip 150,0,0,{length},0,0")) == cut, "{length}");
+    }
+    render("--clip 0,0,0,0,0,0").refused(&["--clip"]);
+    render("--perspective 1e-300").refused(&["--perspective", "too narrow"]);
+    render("--perspective 30 --zoom 1e-300").refused(&["--zoom", "1e-300"]);
 }
 
 #[test]

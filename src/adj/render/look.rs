@@ -54,10 +54,10 @@ pub(super) struct LookArguments {
     /// Draw without lighting
     #[arg(long)]
     unlit: bool,
-    /// Order of voxels in perspective, on the two sides of the eye
+    /// Order of voxels in perspective, on the two sides of the eye; parallel views have one order
     #[arg(long, value_name = "FORM", default_value = "interleaved", value_parser = choice(FORMS))]
     form: SplitForm,
-    /// Bits of each sample of a PNG
+    /// Bits of each sample of a .png or .apng; .exr always has 32
     #[arg(long, value_name = "BITS", default_value = "8", value_parser = choice(DEPTHS))]
     pub(super) bits: SampleDepth,
 }
@@ -78,9 +78,13 @@ const SAMPLINGS: [Choice<Sampling>; 4] = [
 
 const MODES: [Choice<Mode>; 4] = [
     ("composite", Mode::Composite, "Splats blended from front to back, with lighting"),
-    ("maximum", Mode::Maximum, "The largest value along the ray, interpolated, in its colour"),
+    (
+        "maximum",
+        Mode::Maximum,
+        "The largest value along the ray, interpolated, in its colour; --quality, --sampling, --kernel, --sharpness, --termination and --unlit change nothing",
+    ),
     ("maximum-grey", Mode::MaximumGrey, "The same in grey"),
-    ("xray", Mode::Additive, "The sum along the ray"),
+    ("xray", Mode::Additive, "The sum along the ray; --termination changes nothing"),
 ];
 
 const BLENDINGS: [Choice<Blending>; 3] = [
