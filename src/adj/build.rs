@@ -10,16 +10,16 @@ use serde_json::json;
 use super::classification::ClassificationArguments;
 use super::cull::{CullArguments, Culled, cull};
 use super::input::{Input, InputArguments, phantom};
-use super::progress::Progress;
+use super::progress::{Progress, interrupted};
 use super::resources::{ResourceArguments, peak_rss_bytes};
 use super::values::{Choice, choice, levels};
 use super::{Answer, check_output, print_note, print_result, starts_as_adj};
 use adjsplat::arena::layout::Facts;
-use adjsplat::arena::{Levels, TileOrder};
+use adjsplat::arena::{Levels, Rows, TileOrder};
 use adjsplat::build::{BuildOptions, Classified, Resources, SampleSummary, classify};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
-use adjsplat::file::{AdjFile, RowsOutput, descriptor, open_rows, scratch_folder, write_rows};
+use adjsplat::file::{AdjFile, RowsOutput, descriptor, open_rows, scratch_folder, write_atomically_unless, write_rows};
 use adjsplat::internals::Budget;
 use adjsplat::internals::description;
 use adjsplat::volume::{Header, SlabSource};
@@ -144,16 +144,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     arguments.classification.warn_of_units(&visible.samples);
     let description = description(&header, &visible)?;
     let output = RowsOutput::of_build(&visible, &description, &options, &resources);
-    let progress = || Progress::new(arguments.quiet);
     let (written, culled) = match culling {
-        None => (write_rows(path, &visible.rows, &output, &mut progress())?, None),
+        None => (write_adj(path, &visible.rows, &output, arguments.quiet)?, None),
         Some(culling) => {
             let output = RowsOutput { levels: Levels::default(), ..output };
-            let whole = open_rows(&folder, &visible.rows, &output, &mut progress())?;
+            let whole = open_rows(&folder, &visible.rows, &output, &mut Progress::new(arguments.quiet))?;
             // Their memory is needed for finding hidden voxels.
             drop(visible.rows);
             let culled = cull(&whole, path, &culling, options.levels, arguments.quiet)?;
-            ((culled.facts.clone(), culled.bytes), Some(culled))
+            (culled.written.clone(), Some(culled))
         }
     };
     report(arguments, path, &header, &visible.samples, written, culled.as_ref(), start.elapsed().as_secs_f64());
@@ -184,19 +183,40 @@ impl Arguments {
     }
 }
 
-/// Returns how many levels of detail the written file has, and their bytes; `None` if `wanted` is none or the output is no file
-/// that can be read again, as a pipe.
-pub(super) fn stored_levels(wanted: Levels, path: &Path) -> Option<(u8, u64)> {
-    let file = (!wanted.is_none()).then(|| AdjFile::open(path).ok()).flatten()?;
-    let arena = file.arena().ok()?;
-    let bytes =
-        (1..=arena.level_count()).filter_map(|level| arena.level(level)).map(|level| level.bytes().len() as u64);
-    Some((arena.level_count(), bytes.sum()))
+/// An .adj file that was written.
+#[derive(Debug, Clone)]
+pub(super) struct Written {
+    pub(super) facts: Facts,
+    pub(super) bytes: u64,
+    /// The number of coarser levels of detail, and their bytes; `None` if none were wanted.
+    pub(super) levels: Option<(u8, u64)>,
+}
+
+/// Writes an .adj file like [`write_rows`], with a progress bar unless `quiet`.
+pub(super) fn write_adj(path: &Path, rows: &dyn Rows, output: &RowsOutput, quiet: bool) -> Result<Written> {
+    let progress = &mut Progress::new(quiet);
+    let levels_of = |file: &AdjFile| -> Result<(u8, u64)> {
+        let arena = file.arena()?;
+        let levels = (1..=arena.level_count()).filter_map(|level| arena.level(level));
+        Ok((arena.level_count(), levels.map(|level| level.bytes().len() as u64).sum()))
+    };
+    let is_device = std::fs::metadata(path).is_ok_and(|found| !found.is_file());
+    if output.levels.is_none() || !is_device && descriptor(path).is_none() {
+        let (facts, bytes) = write_rows(path, rows, output, progress)?;
+        let levels = (!output.levels.is_none()).then(|| levels_of(&AdjFile::open(path)?)).transpose()?;
+        return Ok(Written { facts, bytes, levels });
+    }
+    // A pipe cannot be read again, and an open file may hold more.
+    let file = open_rows(&scratch_folder(path)?, rows, output, progress)?;
+    let arena = file.arena()?;
+    write_atomically_unless(&interrupted, path, |out| out.write_all(arena.bytes()))?;
+    let bytes = arena.bytes().len() as u64;
+    Ok(Written { facts: arena.facts().clone(), bytes, levels: Some(levels_of(&file)?) })
 }
 
 /// Prints how many levels of detail were made, if any were wanted.
-pub(super) fn say_levels(wanted: Levels, path: &Path) {
-    match stored_levels(wanted, path) {
+pub(super) fn say_levels(levels: Option<(u8, u64)>) {
+    match levels {
         None => {}
         Some((0, _)) => print_result("coarser levels of detail are of no use to these voxels: there are none"),
         Some((1, bytes)) => print_result(&format!("1 coarser level of detail takes {} of it", HumanBytes(bytes))),
@@ -308,7 +328,7 @@ fn report(
     path: &Path,
     header: &Header,
     findings: &SampleSummary,
-    (facts, bytes): (Facts, u64),
+    Written { facts, bytes, levels }: Written,
     culled: Option<&Culled>,
     seconds: f64,
 ) {
@@ -327,7 +347,7 @@ fn report(
             "not_finite": findings.not_finite,
             "value_bits": facts.channels.value_bits,
             "rounding": findings.rounding,
-            "levels": stored_levels(arguments.levels, path).map_or(0, |(count, _)| count),
+            "levels": levels.map_or(0, |(count, _)| count),
             "peak_rss_bytes": peak_rss_bytes(),
             "seconds": seconds,
         });
@@ -348,5 +368,5 @@ fn report(
     if let Some(culled) = culled {
         print_result(&culled.line());
     }
-    say_levels(arguments.levels, path);
+    say_levels(levels);
 }

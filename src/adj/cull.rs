@@ -8,13 +8,13 @@ use std::path::Path;
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::build::{Written, write_adj};
 use super::progress::Progress;
 use super::stored::stored_transfer;
 use super::values::number;
-use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{LaneRows, LaneSet, Levels};
 use adjsplat::error::{Error, Result};
-use adjsplat::file::{AdjFile, RowsOutput, write_rows};
+use adjsplat::file::{AdjFile, RowsOutput};
 use adjsplat::splat::Scene;
 use adjsplat::volume::Axis;
 use adjsplat_judge::hidden::{Algorithm, Culling, CullingStage, DEFAULT_EPS, DEFAULT_VIEWS, find};
@@ -69,10 +69,8 @@ fn fraction(text: &str) -> Result<f64, String> {
 
 /// The result of removing hidden voxels from a file.
 pub(super) struct Culled {
-    /// Facts (grid and coding) of the file without hidden voxels.
-    pub(super) facts: Facts,
-    /// Size of that file in bytes.
-    pub(super) bytes: u64,
+    /// The file without hidden voxels.
+    pub(super) written: Written,
     /// Numbers of voxels, and the settings, for `--json`.
     pub(super) report: Value,
 }
@@ -87,7 +85,7 @@ impl Culled {
             self.report["visible_before"],
             100.0 * number("removed") / number("visible_before").max(1.0),
             self.report["algorithm"].as_str().unwrap_or_default(),
-            indicatif::HumanBytes(self.bytes),
+            indicatif::HumanBytes(self.written.bytes),
             indicatif::HumanBytes(self.report["bytes_before"].as_u64().unwrap_or(0)),
             self.report["judging_views"],
             number("worst_difference"),
@@ -143,12 +141,12 @@ pub(super) fn cull(file: &AdjFile, output: &Path, culling: &Culling, levels: Lev
         threads: culling.threads,
         levels,
     };
-    let (written, bytes) = write_rows(output, &rows, &wanted, &mut Progress::new(quiet))?;
+    let written = write_adj(output, &rows, &wanted, quiet)?;
     let mut report = record;
     report["visible_before"] = json!(facts.visible_voxels);
     report["bytes_before"] = json!(bytes_before);
-    report["bytes_after"] = json!(bytes);
+    report["bytes_after"] = json!(written.bytes);
     report["passes"] = json!(hidden.passes);
     report["memory_limit"] = json!(culling.memory);
-    Ok(Culled { facts: written, bytes, report })
+    Ok(Culled { written, report })
 }

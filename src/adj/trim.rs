@@ -7,10 +7,9 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::build::{LANES, TILE_ORDERS, check_adj_output, say_levels, say_rounding, stored_levels};
+use super::build::{LANES, TILE_ORDERS, Written, check_adj_output, say_levels, say_rounding, write_adj};
 use super::classification::ClassificationArguments;
 use super::info::open_adj;
-use super::progress::Progress;
 use super::resources::ResourceArguments;
 use super::stored::{missing_values, stored_transfer};
 use super::values::{Crop, choice, crop, levels};
@@ -19,7 +18,7 @@ use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Arena, Levels, Region, TileOrder, Trim, TrimOptions, trim};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
-use adjsplat::file::{RowsOutput, write_rows};
+use adjsplat::file::RowsOutput;
 use adjsplat::traverse::VoxelBox;
 
 /// Make a new .adj file from an .adj file: crop it, show fewer voxels, store less of each, or add levels of detail
@@ -134,8 +133,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         threads,
         levels,
     };
-    let (facts, bytes) = write_rows(&arguments.output, &*left.rows, &output, &mut Progress::new(arguments.quiet))?;
-    report(arguments, &arena, &facts, (bytes, rounding), start.elapsed().as_secs_f64(), levels);
+    let written = write_adj(&arguments.output, &*left.rows, &output, arguments.quiet)?;
+    report(arguments, &arena, &written, rounding, start.elapsed().as_secs_f64());
     Ok(Answer::Yes)
 }
 
@@ -211,14 +210,9 @@ fn description(arena: &Arena, arguments: &Arguments, crop: Option<VoxelBox>, lef
     description.to_string()
 }
 
-fn report(
-    arguments: &Arguments,
-    arena: &Arena,
-    facts: &Facts,
-    (bytes, rounding): (u64, f64),
-    seconds: f64,
-    levels: Levels,
-) {
+fn report(arguments: &Arguments, arena: &Arena, written: &Written, rounding: f64, seconds: f64) {
+    let Written { facts, bytes, levels } = written;
+    let bytes = *bytes;
     let path = arguments.output.display();
     let (visible, before) = (facts.visible_voxels, arena.facts().visible_voxels);
     let bytes_before = arena.bytes().len() as u64;
@@ -234,7 +228,7 @@ fn report(
                 "bytes_before": bytes_before,
                 "bytes_per_visible_voxel": per_voxel,
                 "rounding": rounding,
-                "levels": stored_levels(levels, &arguments.output).map_or(0, |(count, _)| count),
+                "levels": levels.map_or(0, |(count, _)| count),
                 "seconds": seconds,
             })
             .to_string(),
@@ -250,5 +244,5 @@ fn report(
         indicatif::HumanBytes(bytes_before),
     ));
     say_rounding(facts.channels.value_bits, rounding);
-    say_levels(levels, &arguments.output);
+    say_levels(*levels);
 }

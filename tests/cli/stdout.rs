@@ -62,3 +62,54 @@ fn a_full_temporary_folder_is_named() {
     let Some(ran) = in_private_mounts(script, folder.path()) else { return };
     assert!(ran.stderr.contains("cannot write full: No space left"), "{}", ran.stderr);
 }
+
+/// It said 0: it looked into stdout, which cannot be read again.
+#[test]
+fn levels_in_stdout_are_counted() {
+    let folder = Folder::new();
+    folder.adj("build phantom:shells --dims 32x32x32 -q -o a.adj").done();
+    folder.adj("trim a.adj --levels 2 -q -o b.adj").done();
+    for line in ["trim a.adj", "build phantom:shells --dims 32x32x32"] {
+        for output in [">c.adj", "| cat >c.adj"] {
+            let ran = shell(&folder, &format!("\"$0\" {line} --levels 2 -q --json -o /dev/stdout {output}"));
+            assert!(ran.stderr.contains("\"levels\":2"), "{line}: {}", ran.stderr);
+        }
+        assert_eq!(folder.adj("verify c.adj").done().lines().count(), 1);
+    }
+    folder.adj("trim a.adj --levels 2 -q -o /dev/null --json").done();
+    shell(&folder, "\"$0\" trim a.adj --levels 2 -q -o /dev/stdout >c.adj").done();
+    assert!(read(&folder, "b.adj") == read(&folder, "c.adj"));
+}
+
+/// It panicked.
+#[test]
+fn a_system_that_gives_no_thread_is_no_trouble() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = Folder::new();
+    std::fs::set_permissions(folder.path(), PermissionsExt::from_mode(0o777)).expect("it is ours");
+    // Another user than root, for whom there is no limit.
+    let run = |threads: &str, line: &str| {
+        let words = ["--reuid=54321", "--regid=54321", "--clear-groups", "prlimit", threads, env!("CARGO_BIN_EXE_adj")];
+        let ran = Command::new("setpriv").args(words).args(line.split(' ')).current_dir(folder.path()).output();
+        ran.map_or(None, |ran| Some(Ran::new(&ran)))
+    };
+    if !run("--nproc=100", "--version").is_some_and(|ran| ran.code == Some(0)) {
+        return adjsplat_tests::say("SKIPPED: this machine limits no threads for another user");
+    }
+    for (limit, name) in [("--nproc=100", "a"), ("--nproc=1", "b"), ("--nproc=3", "c")] {
+        for line in [
+            format!("build phantom:shells --dims 40x40x40 --threads 4 -q -o {name}.adj"),
+            format!("render {name}.adj --threads 4 --renderer cpu --size 80x60 -q -o {name}.png"),
+        ] {
+            run(limit, &line).expect("it ran before").done();
+        }
+    }
+    for ending in ["adj", "png"] {
+        assert!(
+            ["b", "c"]
+                .map(|name| read(&folder, &format!("{name}.{ending}")))
+                .iter()
+                .all(|bytes| *bytes == read(&folder, &format!("a.{ending}")))
+        );
+    }
+}
