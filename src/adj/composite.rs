@@ -84,12 +84,14 @@ fn check_parts(arguments: &Arguments) -> Result<()> {
     let mut before: Option<(&PathBuf, PicturePart)> = None;
     let is_whole = !arguments.partial;
     let missing = |number: usize, count: usize| {
-        let why = format!("of {count} is missing; draw it with adj render --part {number}/{count}, or give --partial");
-        Error::input(format!("part {number}"), why)
+        let draw = format!("draw it with adj render --part {number}/{count}, or give --partial");
+        Error::input("pictures", format!("part {number} of {count} is missing; {draw}"))
     };
-    for (index, path) in arguments.pictures.iter().enumerate() {
+    // A picture that cannot be read is told first.
+    let parts = arguments.pictures.iter().map(|path| read_part(path)).collect::<Result<Vec<_>>>()?;
+    for (index, (path, part)) in arguments.pictures.iter().zip(parts).enumerate() {
         let refused = |why: String| Err(Error::input(path.display().to_string(), why));
-        let Some(part) = read_part(path)? else {
+        let Some(part) = part else {
             if before.is_some() && is_whole {
                 return refused("does not say that it is a part, as others do; give --partial to take it in".into());
             }
