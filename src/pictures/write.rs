@@ -99,6 +99,7 @@ pub struct Picture {
     depth: SampleDepth,
     /// Samples as the file stores them: PNG's are big endian, OpenEXR's little.
     bytes: Vec<u8>,
+    #[cfg_attr(target_arch = "wasm32", expect(dead_code, reason = "a page saves no OpenEXR"))]
     part: Option<PicturePart>,
 }
 
