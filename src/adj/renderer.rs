@@ -12,7 +12,6 @@ use sha2::{Digest as _, Sha256};
 use super::composite::mode_name;
 #[cfg(feature = "gpu")]
 use super::on_device::OnDevice;
-#[cfg(feature = "gpu")]
 use super::print_note;
 use super::size::video_memory;
 use adjsplat::classify::TransferFunction;
