@@ -245,6 +245,27 @@ fn a_limit_on_the_size_of_files_leaves_nothing_behind() {
     }
 }
 
+/// It blamed other runs, and left 64 temporary folders behind.
+#[test]
+#[cfg(target_os = "linux")]
+fn too_many_open_files_leave_nothing_behind() {
+    let folder = Folder::new();
+    folder.small_arena("a.adj");
+    let mut refused = 0;
+    for files in 4..12 {
+        let mut shell = std::process::Command::new("sh");
+        let line = format!("ulimit -n {files}; exec \"$0\" split a.adj -o {files}.adjs --slab 2 -q");
+        shell.args(["-c", &line, env!("CARGO_BIN_EXE_adj")]).current_dir(folder.path());
+        let ran = Ran::new(&shell.output().expect("there is a shell"));
+        if ran.code != Some(0) {
+            ran.refused(&["Too many open files"]);
+            refused += 1;
+        }
+        assert!(folder.names().iter().all(|name| !name.starts_with('.')), "{files}: {:?}", folder.names());
+    }
+    assert!(refused > 1, "{refused}");
+}
+
 /// The disk is full at the header (nothing is written in less than a page), in the middle, and at the last page. A
 /// disk that says so only when it flushes is the next test's.
 #[test]

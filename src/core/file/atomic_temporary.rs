@@ -97,15 +97,25 @@ impl Temporary {
                 return Ok((path, Some(file)));
             }
             let path = builder.tempdir_in(folder)?.keep();
-            let opened = File::open(&path).ok();
-            Ok((path, opened))
+            match File::open(&path) {
+                // Another run may have removed the folder.
+                Err(error) if cfg!(unix) && error.kind() != io::ErrorKind::NotFound => {
+                    let _ = std::fs::remove_dir(path);
+                    Err(error)
+                }
+                opened => Ok((path, opened.ok())),
+            }
         };
         let action = if kind == Kind::File { "create a file in" } else { "create a folder in" };
         let mut unfinished = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
         for _ in 0..MOST_NAMES {
             let (path, opened) = create().map_err(Error::io(action, folder))?;
             let is_owned = match opened.as_ref().map(|opened| (opened, opened.try_lock())) {
-                Some((opened, Ok(()))) => is_named(&path, opened),
+                Some((opened, Ok(()))) => is_named(&path, opened).map_err(|error| {
+                    // It is new, so it is empty.
+                    let _ = if kind == Kind::File { std::fs::remove_file(&path) } else { std::fs::remove_dir(&path) };
+                    Error::io(action, folder)(error)
+                })?,
                 // A remover holds the lock: it removes the file or folder.
                 Some((_, Err(TryLockError::WouldBlock))) => false,
                 // A disk or a system without locks.
@@ -175,7 +185,7 @@ pub(super) fn remove_dead(folder: &Path) {
         };
         // The lock is held until the name is gone.
         let Ok(opened) = opened else { continue };
-        if opened.try_lock().is_ok() && is_named(&path, &opened) {
+        if opened.try_lock().is_ok() && is_named(&path, &opened).unwrap_or(false) {
             let _ = remove(&path);
         }
     }
@@ -187,10 +197,14 @@ fn remove(path: &Path) -> io::Result<()> {
 }
 
 /// Returns whether `path` refers to the same file as `file`.
-fn is_named(path: &Path, file: &File) -> bool {
-    let there = same_file::Handle::from_path(path);
-    let ours = file.try_clone().and_then(same_file::Handle::from_file);
-    matches!((there, ours), (Ok(there), Ok(ours)) if there == ours)
+///
+/// # Errors
+/// The system's error if it does not say, as where too many files are open.
+fn is_named(path: &Path, file: &File) -> io::Result<bool> {
+    match same_file::Handle::from_path(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+        there => Ok(there? == same_file::Handle::from_file(file.try_clone()?)?),
+    }
 }
 
 fn is_name(name: &OsStr) -> bool {
