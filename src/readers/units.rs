@@ -56,7 +56,9 @@ pub(super) fn metres(unit: &str) -> Option<f64> {
 pub(super) fn common_unit(units: &[Option<&str>]) -> Option<(Vec<f64>, String)> {
     let first = (*units.first()?)?;
     let metre = metres(first)?;
-    let factors = units.iter().map(|unit| Some(if *unit == Some(first) { 1.0 } else { metres((*unit)?)? / metre }));
+    // The quotient of 1e-6 and 1e-9 is less than 1000 in its last digit.
+    let quotient = |unit| Some(format!("{:.14e}", metres(unit)? / metre).parse().unwrap_or(1.0));
+    let factors = units.iter().map(|unit| if *unit == Some(first) { Some(1.0) } else { quotient((*unit)?) });
     Some((factors.collect::<Option<_>>()?, if metre == 1e-6 { "um".into() } else { first.into() }))
 }
 
