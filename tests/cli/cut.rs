@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use super::harness::{Folder, Ran, Runs as _, program};
 
-/// Runs `line` in `folder` and cuts `big.adj` to its first page when `begun` says so.
-fn cut_during(folder: &Folder, line: &str, begun: impl Fn() -> bool) -> Ran {
+/// Runs `line` in `folder` and cuts `big.adj` to its first page when `begun`, which gets the process's number, says so.
+fn cut_during(folder: &Folder, line: &str, begun: impl Fn(u32) -> bool) -> Ran {
     let mut child = program()
         .current_dir(folder.path())
         .args(line.split_whitespace())
@@ -18,7 +18,7 @@ fn cut_during(folder: &Folder, line: &str, begun: impl Fn() -> bool) -> Ran {
         .spawn()
         .expect("the program was built");
     let start = Instant::now();
-    while !begun() {
+    while !begun(child.id()) {
         assert!(child.try_wait().expect("it is ours").is_none(), "{line}: it ended before the cut");
         assert!(start.elapsed() < Duration::from_secs(60), "{line}: it never began");
         std::thread::sleep(Duration::from_micros(200));
@@ -40,26 +40,31 @@ fn a_file_cut_while_frames_are_drawn_is_named_and_no_temporary_stays() {
     let folder = folder();
     let first = folder.file("t-000.png");
     let line = "render big.adj -o t.png --frames 400 --size 64x64 --quiet";
-    cut_during(&folder, line, || first.exists()).refused(CUT);
+    cut_during(&folder, line, |_| first.exists()).refused(CUT);
     assert!(folder.names().iter().all(|name| !name.starts_with(".adj-")), "{:?}", folder.names());
 }
 
 #[test]
 fn a_file_cut_while_it_is_trimmed_is_named_and_no_temporary_stays() {
     let folder = folder();
-    let temporary = || folder.names().iter().any(|name| name.starts_with(".adj-"));
+    let temporary = |_| folder.names().iter().any(|name| name.starts_with(".adj-"));
     cut_during(&folder, "trim big.adj -o part.adj --order hilbert --quiet", temporary).refused(CUT);
     assert_eq!(folder.names(), ["big.adj"]);
 }
 
 #[test]
 fn a_file_cut_while_it_is_checked_is_named() {
-    let folder = folder();
     // The files before it take long enough: it is mapped only when its turn comes, so it is cut when it is open.
     let line = format!("verify {}", "big.adj ".repeat(200));
-    let start = Instant::now();
-    let ran = cut_during(&folder, &line, || start.elapsed() > Duration::from_millis(300));
+    let is_mapped =
+        |id: u32| std::fs::read_to_string(format!("/proc/{id}/maps")).is_ok_and(|maps| maps.contains("big.adj"));
+    let cut = || {
+        let start = Instant::now();
+        let folder = folder();
+        cut_during(&folder, &line, |id| start.elapsed() > Duration::from_millis(300) && is_mapped(id))
+    };
+    // A file that is opened after the cut is no longer whole, which the check says by itself: then the cut came between two files.
+    let ran = (0..20).map(|_| cut()).find(|ran| ran.code != Some(1)).expect("some cut comes while a file is read");
     assert_eq!(ran.code, Some(2), "{}", ran.stderr);
-    // Those that are opened after the cut are no longer whole files, which the check says by itself.
     assert!(ran.stderr.contains("cut while it was read"), "{}", ran.stderr);
 }
