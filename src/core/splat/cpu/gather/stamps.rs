@@ -54,6 +54,16 @@ impl Span {
         let before = voxels * (column as i32 >> shift);
         self.ends[column & shift as usize].map(|at| at + before)
     }
+
+    /// Returns the same for any column, if all are of one kind.
+    #[inline(always)]
+    pub(super) fn all_columns(&self) -> Option<impl Fn(usize) -> [i32; 2] + use<>> {
+        let Span { ends: [[low, high], _], period: Period { shift, voxels } } = *self;
+        (shift == 0).then_some(move |column| {
+            let before = voxels * column as i32;
+            [low + before, high + before]
+        })
+    }
 }
 
 impl Stamps {
@@ -120,13 +130,18 @@ impl Stamps {
         let (first, Period { shift, voxels }) = (self.first[index][0], self.periods[0]);
         // The width of some voxels in periods, rounded down; exact for numbers below 2^20.
         let periods = |voxels: i32| ((u64::from(voxels.max(0) as u32) * self.per_voxel) >> 32) as i32;
-        let (mut from, mut end) = (tiles as i32, 0);
-        for (column, [nearest, farthest]) in (0..=shift).zip(self.widest[index]) {
-            from = from.min((periods(low - first - farthest + voxels - 1) << shift) + column);
+        let columns_of = |column: i32| {
+            let [nearest, farthest] = self.widest[index][column as usize];
+            let from = periods(low - first - farthest + voxels - 1);
             let after = periods(high - first - nearest + voxels);
-            end = end.max(if after > 0 { ((after - 1) << shift) + column + 1 } else { 0 });
+            [(from << shift) + column, if after > 0 { ((after - 1) << shift) + column + 1 } else { 0 }]
+        };
+        let mut ends = columns_of(0);
+        if shift > 0 {
+            let odd = columns_of(1);
+            ends = [ends[0].min(odd[0]), ends[1].max(odd[1])];
         }
-        [from as u16, end.min(tiles as i32) as u16]
+        [ends[0].min(tiles as i32) as u16, ends[1].min(tiles as i32) as u16]
     }
 
     /// Returns by how much the number of a voxel's stamp is lower for this tile than for the first one.

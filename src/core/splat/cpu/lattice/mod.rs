@@ -72,7 +72,7 @@ pub(super) struct Tiles {
 #[derive(Debug, Clone)]
 enum Rays {
     Parallel {
-        /// Number of voxels to a tile's width and height; whole, or whole and a half, if voxels lie on points of the grid.
+        /// Number of voxels to a tile's width and height; whole, or one and a half, if voxels lie on points of the grid.
         voxels: [f64; 2],
         /// How far a ray moves per slice.
         slope: [f64; 2],
