@@ -130,7 +130,8 @@ fn checks_and_comparisons_end_at_once() {
     let folder = Folder::new();
     folder.adj("build phantom:noise --dims 96x96x96 -o n.adj --quiet").done();
     folder.adj("render n.adj -o a.png --size 1600x1600 --renderer cpu --quality draft -q").done();
-    let verify = format!("verify{}", " n.adj".repeat(1000));
+    // Some seconds of work.
+    let verify = format!("verify{}", " n.adj".repeat(20_000));
     for line in [verify.as_str(), "compare a.png a.png --diff d.png --json d.json"] {
         let mut child = start(&folder, line);
         std::thread::sleep(Duration::from_millis(200));
