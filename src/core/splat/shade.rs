@@ -77,26 +77,45 @@ impl Lights {
         Lights { lighting: *lighting, light: single(light), eye: single(eye) }
     }
 
-    /// Returns a factor on the colour and a highlight, for a unit normal (0 for none) and a unit vector to the eye.
+    /// Returns factors on colours, and highlights, of several voxels, from the x, y and z components of their unit normals
+    /// (0 for none) and of unit vectors from them to the eye.
+    ///
+    /// All voxels take each step together, so that a compiler uses vectors.
     #[inline(always)]
-    pub(crate) fn shade(&self, normal: [f32; 3], eye: [f32; 3]) -> [f32; 2] {
+    pub(crate) fn shade<const N: usize>(
+        &self,
+        normals: [&[f32; N]; 3],
+        eyes: &[[f32; N]; 3],
+    ) -> [[f32; N]; 2] {
         let Lighting { ambient, diffuse, specular, shininess, .. } = self.lighting;
         let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let halfway = [self.light[0] + eye[0], self.light[1] + eye[1], self.light[2] + eye[2]];
-        let length = at_least(dot(halfway, halfway), 1e-12).sqrt();
-        let light_cosine = dot(normal, self.light).abs();
-        let halfway_cosine = (dot(normal, halfway) / length).abs();
-        // The power by repeated squaring: the exponent is the same for all voxels, so several are computed at once.
-        let (mut power, mut square) = (1.0, halfway_cosine);
+        let normal = |k: usize| [normals[0][k], normals[1][k], normals[2][k]];
+        let has_normal = |k: usize| dot(normal(k), normal(k)) > 0.5;
+        let (mut factors, mut squares) = ([0.0; N], [0.0; N]);
+        for k in 0..N {
+            let eye = [eyes[0][k], eyes[1][k], eyes[2][k]];
+            let halfway = [self.light[0] + eye[0], self.light[1] + eye[1], self.light[2] + eye[2]];
+            let length = at_least(dot(halfway, halfway), 1e-12).sqrt();
+            squares[k] = (dot(normal(k), halfway) / length).abs();
+            let factor = ambient + diffuse * dot(normal(k), self.light).abs();
+            factors[k] = 1.0 + keep_if(has_normal(k), factor - 1.0);
+        }
+        // The power by repeated squaring: the exponent is the same for all voxels.
+        let mut powers = [1.0; N];
         for bit in 0..8 {
             if shininess >> bit & 1 == 1 {
-                power *= square;
+                for k in 0..N {
+                    powers[k] *= squares[k];
+                }
             }
-            square *= square;
+            for square in &mut squares {
+                *square *= *square;
+            }
         }
-        let has_normal = dot(normal, normal) > 0.5;
-        let factor = ambient + diffuse * light_cosine;
-        [1.0 + keep_if(has_normal, factor - 1.0), keep_if(has_normal, specular * power)]
+        for k in 0..N {
+            powers[k] = keep_if(has_normal(k), specular * powers[k]);
+        }
+        [factors, powers]
     }
 
     /// Returns the factor and the highlight of a voxel that stands for several normals, from those of their mean.

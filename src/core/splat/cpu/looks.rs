@@ -105,19 +105,8 @@ impl Projector<'_> {
         looks: &mut [Look],
     ) {
         let count = kept.len().min(BLOCK);
-        let mut shades = [[0.0f32; BLOCK]; 2];
-        if let PixelMap::Parallel { .. } = self.map {
-            let lights = *lights;
-            for from in (0..count).step_by(VECTOR_WIDTH) {
-                let mut parts = [[0.0; VECTOR_WIDTH]; 2];
-                for k in 0..VECTOR_WIDTH {
-                    let normal = [normals[0][from + k], normals[1][from + k], normals[2][from + k]];
-                    [parts[0][k], parts[1][k]] = lights.shade(normal, lights.eye);
-                }
-                for (shades, parts) in shades.iter_mut().zip(&parts) {
-                    shades[from..from + VECTOR_WIDTH].copy_from_slice(parts);
-                }
-            }
+        let mut shades = if let PixelMap::Parallel { .. } = self.map {
+            shade(lights, normals, count, |_| lights.eye.map(|component| [component; VECTOR_WIDTH]))
         } else {
             let [s, m, f] = self.slow_medium_fast;
             let mut toward_eye = [[0.0f32; BLOCK]; 3];
@@ -127,13 +116,16 @@ impl Projector<'_> {
                 toward_eye[m][k] = self.eye[m] - self.steps[m] * medium;
                 toward_eye[f][k] = self.eye[f] - self.steps[f] * fast;
             }
-            for k in 0..count.next_multiple_of(VECTOR_WIDTH) {
-                let [x, y, z] = [toward_eye[0][k], toward_eye[1][k], toward_eye[2][k]];
-                let length = at_least(x * x + y * y + z * z, f32::MIN_POSITIVE).sqrt();
-                let normal = [normals[0][k], normals[1][k], normals[2][k]];
-                [shades[0][k], shades[1][k]] = lights.shade(normal, [x / length, y / length, z / length]);
-            }
-        }
+            let toward_eye = toward_eye.each_ref().map(|component| component.as_chunks::<VECTOR_WIDTH>().0);
+            shade(lights, normals, count, |chunk| {
+                let [mut x, mut y, mut z] = toward_eye.map(|component| component[chunk]);
+                for k in 0..VECTOR_WIDTH {
+                    let length = at_least(x[k] * x[k] + y[k] * y[k] + z[k] * z[k], f32::MIN_POSITIVE).sqrt();
+                    (x[k], y[k], z[k]) = (x[k] / length, y[k] / length, z[k] / length);
+                }
+                [x, y, z]
+            })
+        };
         if let Some(coherences) = coherences {
             for (k, &coherence) in coherences.iter().enumerate() {
                 [shades[0][k], shades[1][k]] = lights.scatter([shades[0][k], shades[1][k]], coherence);
@@ -145,4 +137,25 @@ impl Projector<'_> {
             *look = [red * factor + highlight, green * factor + highlight, blue * factor + highlight, depth];
         }
     }
+}
+
+/// Returns [`Lights::shade`] of the first `count` voxels of a block; `eye` returns the unit vectors to the eye of one chunk of them.
+#[inline(always)]
+fn shade(
+    lights: &Lights,
+    normals: &[[f32; BLOCK]; 3],
+    count: usize,
+    eye: impl Fn(usize) -> [[f32; VECTOR_WIDTH]; 3],
+) -> [[f32; BLOCK]; 2] {
+    // A copy, which the compiler knows not to overlap with the results.
+    let (lights, mut shades) = (*lights, [[0.0; BLOCK]; 2]);
+    let [x, y, z] = normals.each_ref().map(|component| component.as_chunks::<VECTOR_WIDTH>().0);
+    for chunk in 0..count.div_ceil(VECTOR_WIDTH) {
+        let from = chunk * VECTOR_WIDTH;
+        let parts = lights.shade([&x[chunk], &y[chunk], &z[chunk]], &eye(chunk));
+        for (shades, part) in shades.iter_mut().zip(&parts) {
+            shades[from..from + VECTOR_WIDTH].copy_from_slice(part);
+        }
+    }
+    shades
 }

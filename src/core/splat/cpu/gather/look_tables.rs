@@ -96,11 +96,11 @@ fn light_of_codes(lights: &Lights, has_coherence: bool, light: &mut [[f32; 2]; 1
     // Local arrays, which the compiler knows not to overlap with others, are computed with vector instructions.
     let lights = *lights;
     for (first, light) in (0u32..).step_by(VECTOR_WIDTH).zip(light.as_chunks_mut::<VECTOR_WIDTH>().0) {
-        let (mut factors, mut highlights) = ([0.0; VECTOR_WIDTH], [0.0; VECTOR_WIDTH]);
+        let [mut x, mut y, mut z] = [[0.0; VECTOR_WIDTH]; 3];
         for k in 0..VECTOR_WIDTH {
-            let code = first + k as u32;
-            [factors[k], highlights[k]] = lights.shade(normal::decode8(code as u16), lights.eye);
+            [x[k], y[k], z[k]] = normal::decode8((first + k as u32) as u16);
         }
+        let [factors, highlights] = lights.shade([&x, &y, &z], &lights.eye.map(|component| [component; VECTOR_WIDTH]));
         for k in 0..VECTOR_WIDTH {
             let code = first + k as u32;
             let shade = [factors[k], highlights[k]];
