@@ -82,11 +82,7 @@ impl Lights {
     ///
     /// All voxels take each step together, so that a compiler uses vectors.
     #[inline(always)]
-    pub(crate) fn shade<const N: usize>(
-        &self,
-        normals: [&[f32; N]; 3],
-        eyes: &[[f32; N]; 3],
-    ) -> [[f32; N]; 2] {
+    pub(crate) fn shade<const N: usize>(&self, normals: [&[f32; N]; 3], eyes: &[[f32; N]; 3]) -> [[f32; N]; 2] {
         let Lighting { ambient, diffuse, specular, shininess, .. } = self.lighting;
         let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         let normal = |k: usize| [normals[0][k], normals[1][k], normals[2][k]];

@@ -325,7 +325,8 @@ fn lit_colour(projector: &Projector, voxel: [u16; 3], record: usize, colour: [f3
             toward.map(|c| c / length)
         }
     };
-    let [[factor], [highlight]] = lights.shade([&[normal[0]], &[normal[1]], &[normal[2]]], &eye.map(|component| [component]));
+    let [[factor], [highlight]] =
+        lights.shade([&[normal[0]], &[normal[1]], &[normal[2]]], &eye.map(|component| [component]));
     let shade = [factor, highlight];
     let [factor, highlight] =
         if has_coherence { lights.scatter(shade, Coherence::of_code(code, normal_bits)) } else { shade };

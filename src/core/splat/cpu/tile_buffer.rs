@@ -15,6 +15,7 @@ use fearless_simd::prelude::*;
 use super::bit_rows::BitRows;
 use super::blend::Blend;
 use crate::error::Result;
+use crate::splat::composite::Look;
 use crate::splat::frame::zeroed;
 use crate::splat::near::{EyeRays, RayLengths};
 
@@ -46,15 +47,15 @@ pub struct Rect {
 pub(super) struct PixelTile(pub(super) [[f32; TILE_PIXELS]; 4]);
 
 impl PixelTile {
-    /// Blends a splat of this colour with the pixels; `amounts`: factors on its colour at each pixel. Returns whether any pixel may
+    /// Blends a splat of this look with the pixels; `amounts`: factors on its colour at each pixel. Returns whether any pixel may
     /// still change.
     #[inline(always)]
-    pub(super) fn blend<B: Blend>(&mut self, amounts: &[f32; TILE_PIXELS], colour: [f32; 3], stop: f32) -> bool {
+    pub(super) fn blend<B: Blend>(&mut self, amounts: &[f32; TILE_PIXELS], look: &Look, stop: f32) -> bool {
         let [red, green, blue, alpha] = &mut self.0;
         // In a loop over the colours a compiler would gather them.
-        *red = blended::<B>(red, alpha, amounts, colour[0], stop);
-        *green = blended::<B>(green, alpha, amounts, colour[1], stop);
-        *blue = blended::<B>(blue, alpha, amounts, colour[2], stop);
+        *red = blended::<B>(red, alpha, amounts, look[0], stop);
+        *green = blended::<B>(green, alpha, amounts, look[1], stop);
+        *blue = blended::<B>(blue, alpha, amounts, look[2], stop);
         let mut faded = [0.0; TILE_PIXELS];
         for i in 0..TILE_PIXELS {
             faded[i] = B::fade(alpha[i], amounts[i], stop);

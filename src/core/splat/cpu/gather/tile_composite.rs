@@ -38,18 +38,16 @@ impl Weights<'_> {
             let Some(stamps) = self.stamps else { return false };
             let lower = stamps.lower(place);
             for &splat in splats {
-                let (Some(&[red, green, blue, depth]), Some(key)) = (slab.look(splat), slab.weight_key(splat)) else {
-                    break;
-                };
+                let (Some(look), Some(key)) = (slab.look(splat), slab.weight_key(splat)) else { break };
                 let Some(stamp) = stamps.stamp(key - lower) else { break };
                 if ONE_DEPTH {
                     // The stamps are of the visible codes' depth; a function may hide others.
-                    if depth == 0.0 {
+                    if look[3] == 0.0 {
                         continue;
                     }
-                    is_open = tile.blend::<B>(stamp, [red, green, blue], stop);
+                    is_open = tile.blend::<B>(stamp, look, stop);
                 } else {
-                    is_open = tile.blend::<B>(&amounts::<B>(stamp, depth), [red, green, blue], stop);
+                    is_open = tile.blend::<B>(&amounts::<B>(stamp, look[3]), look, stop);
                 }
                 if !is_open {
                     break;
@@ -58,11 +56,9 @@ impl Weights<'_> {
         } else if let Some(footprints) = self.footprints {
             let later = footprints.later(place);
             for &splat in splats {
-                let (Some(&[red, green, blue, depth]), Some(key)) = (slab.look(splat), slab.weight_key(splat)) else {
-                    break;
-                };
+                let (Some(look), Some(key)) = (slab.look(splat), slab.weight_key(splat)) else { break };
                 let weights = footprints.weights(key + later);
-                is_open = tile.blend::<B>(&amounts::<B>(weights, depth), [red, green, blue], stop);
+                is_open = tile.blend::<B>(&amounts::<B>(weights, look[3]), look, stop);
                 if !is_open {
                     break;
                 }
@@ -87,8 +83,8 @@ impl Weights<'_> {
                     }
                 };
                 for (amounts, &splat) in amounts.iter().zip(few).take(count) {
-                    let Some(&[red, green, blue, _]) = slab.look(splat) else { break 'splats };
-                    is_open = tile.blend::<B>(amounts, [red, green, blue], stop);
+                    let Some(look) = slab.look(splat) else { break 'splats };
+                    is_open = tile.blend::<B>(amounts, look, stop);
                     if !is_open {
                         break 'splats;
                     }

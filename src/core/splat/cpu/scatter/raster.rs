@@ -7,6 +7,7 @@
 //! pixels outside the band are never read. A pixel's bits depend on absolute coordinates only.
 
 use crate::splat::arith::SMALL_DEPTH;
+use crate::splat::composite::Look;
 use crate::splat::cpu::blend::Blend;
 use crate::splat::cpu::splats::{SplatKernel, Splats};
 use crate::splat::cpu::tile_buffer::{TILE_PIXELS, TILE_SHIFT, TileBuffer, tile_pixels};
@@ -26,7 +27,8 @@ pub(in super::super) fn draw<B: Blend>(
     let mut drawn = 0;
     for k in 0..splats.count.min(BLOCK) {
         let j = usize::from(splats.kept[k]) % BLOCK;
-        let [red, green, blue, peak] = splats.looks[k];
+        let look = &splats.looks[k];
+        let peak = look[3];
         let ([low_x, high_x], [low_y, high_y]) = splats.clipped(j, tiles.rect);
         // Stage 1 lists only splats that reach the band; this test keeps other splats from writing outside the tiles.
         if peak <= 0.0 || low_x > high_x || low_y > high_y {
@@ -34,19 +36,18 @@ pub(in super::super) fn draw<B: Blend>(
         }
         drawn += 1;
         let place = [[low_x >> TILE_SHIFT, high_x >> TILE_SHIFT], [low_y >> TILE_SHIFT, high_y >> TILE_SHIFT]];
-        let colour = [red, green, blue];
         if let (Some(rays), Some(kernel)) = (rays, splats.near(j)) {
-            draw_near::<B>(tiles, rays, kernel, peak, place, colour, stop);
+            draw_near::<B>(tiles, rays, kernel, peak, place, look, stop);
             continue;
         }
         let kernel = SplatKernel { centre: splats.centre(j), ellipse: splats.ellipse(j), cut, peak };
         match rays.filter(|_| splats.is_on_rays(j)) {
-            None if peak <= SMALL_DEPTH => draw_splat::<B, true>(tiles, &kernel, place, colour, stop),
-            None => draw_splat::<B, false>(tiles, &kernel, place, colour, stop),
+            None if peak <= SMALL_DEPTH => draw_splat::<B, true>(tiles, &kernel, place, look, stop),
+            None => draw_splat::<B, false>(tiles, &kernel, place, look, stop),
             Some(rays) if peak * rays.most_stretch <= SMALL_DEPTH => {
-                draw_on_rays::<B, true>(tiles, rays, &kernel, place, colour, stop);
+                draw_on_rays::<B, true>(tiles, rays, &kernel, place, look, stop);
             }
-            Some(rays) => draw_on_rays::<B, false>(tiles, rays, &kernel, place, colour, stop),
+            Some(rays) => draw_on_rays::<B, false>(tiles, rays, &kernel, place, look, stop),
         }
     }
     drawn
@@ -59,7 +60,7 @@ fn draw_splat<B: Blend, const IS_SMALL: bool>(
     tiles: &mut TileBuffer,
     kernel: &SplatKernel,
     [[left, right], [top, bottom]]: [[i32; 2]; 2],
-    colour: [f32; 3],
+    look: &Look,
     stop: f32,
 ) {
     let root = kernel.ellipse.u_factor.sqrt();
@@ -76,7 +77,7 @@ fn draw_splat<B: Blend, const IS_SMALL: bool>(
             for i in 0..TILE_PIXELS {
                 amounts[i] = B::amount::<IS_SMALL>(amounts[i]);
             }
-            if !tile.blend::<B>(&amounts, colour, stop) {
+            if !tile.blend::<B>(&amounts, look, stop) {
                 tiles.freeze(index, column, row);
             }
         }
@@ -90,7 +91,7 @@ fn draw_on_rays<B: Blend, const IS_SMALL: bool>(
     rays: &EyeRays,
     kernel: &SplatKernel,
     [[left, right], [top, bottom]]: [[i32; 2]; 2],
-    colour: [f32; 3],
+    look: &Look,
     stop: f32,
 ) {
     let root = kernel.ellipse.u_factor.sqrt();
@@ -108,7 +109,7 @@ fn draw_on_rays<B: Blend, const IS_SMALL: bool>(
             for i in 0..TILE_PIXELS {
                 amounts[i] = B::amount::<IS_SMALL>(amounts[i]);
             }
-            if !tile.blend::<B>(&amounts, colour, stop) {
+            if !tile.blend::<B>(&amounts, look, stop) {
                 tiles.freeze(index, column, row);
             }
         }
@@ -123,7 +124,7 @@ fn draw_near<B: Blend>(
     kernel: &NearKernel,
     peak: f32,
     [[left, right], [top, bottom]]: [[i32; 2]; 2],
-    colour: [f32; 3],
+    look: &Look,
     stop: f32,
 ) {
     for row in top..bottom + 1 {
@@ -134,7 +135,7 @@ fn draw_near<B: Blend>(
             for i in 0..TILE_PIXELS {
                 amounts[i] = B::amount::<false>(amounts[i]);
             }
-            if !tile.blend::<B>(&amounts, colour, stop) {
+            if !tile.blend::<B>(&amounts, look, stop) {
                 tiles.freeze(index, column, row);
             }
         }
