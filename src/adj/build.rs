@@ -12,7 +12,7 @@ use super::cull::{CullArguments, Culled, cull};
 use super::input::{Input, InputArguments, phantom};
 use super::progress::{Progress, interrupted};
 use super::resources::{ResourceArguments, peak_rss_bytes};
-use super::values::{Choice, choice, levels};
+use super::values::{Word, choice, levels};
 use super::{Answer, check_output, print_note, print_result, starts_as_adj};
 use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Levels, Rows, TileOrder};
@@ -87,10 +87,10 @@ pub(super) struct PackingArguments {
 }
 
 /// Values of `--lanes`: each word names the axes, and the number is how many there are.
-pub(super) const LANES: [Choice<u8>; 3] = [("x", 1, ""), ("xy", 2, ""), ("xyz", 3, "")];
+pub(super) const LANES: [Word<u8>; 3] = [("x", 1, ""), ("xy", 2, ""), ("xyz", 3, "")];
 
 /// Values of the flags for the order in which tiles are stored.
-pub(super) const TILE_ORDERS: [Choice<TileOrder>; 3] =
+pub(super) const TILE_ORDERS: [Word<TileOrder>; 3] =
     [("morton", TileOrder::Morton, ""), ("hilbert", TileOrder::Hilbert, ""), ("rows", TileOrder::Rows, "")];
 
 impl PackingArguments {

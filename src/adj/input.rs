@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::info::is_adj;
-use super::values::{Choice, LevelChoice, choice, library, resolution};
+use super::values::{LevelChoice, Word, choice, library, resolution};
 use super::{print_note, starts_as_adj};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::phantom::Phantom;
@@ -227,7 +227,7 @@ impl InputArguments {
 }
 
 /// Values of `--flip`.
-const AXES: [Choice<Axis>; 3] = [("x", Axis::X, ""), ("y", Axis::Y, ""), ("z", Axis::Z, "")];
+const AXES: [Word<Axis>; 3] = [("x", Axis::X, ""), ("y", Axis::Y, ""), ("z", Axis::Z, "")];
 
 /// Turns an axis of the grid around in the world; the points as a whole stay in their place.
 fn flip(grid: &mut Grid, axis: Axis) {

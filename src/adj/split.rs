@@ -9,7 +9,7 @@ use serde_json::json;
 use super::info::open_adj;
 use super::progress::Progress;
 use super::resources::ResourceArguments;
-use super::values::{Choice, choice, number};
+use super::values::{Word, choice, number};
 use super::{Answer, print_note, print_result};
 use adjsplat::collection::{Partition, split};
 use adjsplat::error::Result;
@@ -60,7 +60,7 @@ pub(super) struct CutArguments {
 }
 
 /// Values of `--partition`.
-const PARTITIONS: [Choice<PartitionChoice>; 2] = [("z", PartitionChoice::Z, ""), ("xyz", PartitionChoice::AllAxes, "")];
+const PARTITIONS: [Word<PartitionChoice>; 2] = [("z", PartitionChoice::Z, ""), ("xyz", PartitionChoice::AllAxes, "")];
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum PartitionChoice {

@@ -16,11 +16,11 @@ use adjsplat::splat::{ClipPlane, KernelShape};
 use adjsplat::traverse::VoxelBox;
 
 /// A word that a flag accepts, what it stands for, and its line in the help (may be empty).
-pub(super) type Choice<T> = (&'static str, T, &'static str);
+pub(super) type Word<T> = (&'static str, T, &'static str);
 
 /// Returns a parser that accepts the words of `choices`.
 pub(super) fn choice<T: Clone + Send + Sync + 'static, const N: usize>(
-    choices: [Choice<T>; N],
+    choices: [Word<T>; N],
 ) -> impl TypedValueParser<Value = T> {
     let words = choices.each_ref().map(|(word, _, help)| {
         let value = PossibleValue::new(*word);

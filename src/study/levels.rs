@@ -34,44 +34,44 @@ pub struct LevelOptions {
 
 /// What a picture is drawn from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Choice {
+pub enum DrawnLevel {
     /// A level, at standard quality; 0 for the voxels themselves.
     Level(usize),
     /// The levels that the view and the quality choose.
     Auto(Quality),
 }
 
-impl Choice {
+impl DrawnLevel {
     /// Returns all choices of a file with `count` coarser levels.
-    pub fn all(count: usize) -> Vec<Choice> {
-        let first = [Choice::Level(0), Choice::Auto(Quality::Standard), Choice::Auto(Quality::Draft)];
-        first.into_iter().chain((1..=count).map(Choice::Level)).collect()
+    pub fn all(count: usize) -> Vec<DrawnLevel> {
+        let first = [DrawnLevel::Level(0), DrawnLevel::Auto(Quality::Standard), DrawnLevel::Auto(Quality::Draft)];
+        first.into_iter().chain((1..=count).map(DrawnLevel::Level)).collect()
     }
 
     /// Returns the name that tables use.
     pub fn name(self) -> String {
         match self {
-            Choice::Level(level) => format!("level {level}"),
-            Choice::Auto(Quality::Draft) => "auto, draft".to_owned(),
-            Choice::Auto(_) => "auto, standard".to_owned(),
+            DrawnLevel::Level(level) => format!("level {level}"),
+            DrawnLevel::Auto(Quality::Draft) => "auto, draft".to_owned(),
+            DrawnLevel::Auto(_) => "auto, standard".to_owned(),
         }
     }
 
     fn settings(self, settings: &Settings) -> Settings {
         match self {
-            Choice::Level(level) => settings.clone().with_level(level),
-            Choice::Auto(quality) => settings.clone().with_quality(quality),
+            DrawnLevel::Level(level) => settings.clone().with_level(level),
+            DrawnLevel::Auto(quality) => settings.clone().with_quality(quality),
         }
     }
 }
 
-/// What was measured of the pictures of one size that are drawn from one [`Choice`].
+/// What was measured of the pictures of one size that are drawn from one [`DrawnLevel`].
 #[derive(Debug, Clone)]
 pub struct LevelPictures {
     /// Pixels a voxel of level 0.
     pub pixels: f64,
     /// What the pictures were drawn from.
-    pub choice: Choice,
+    pub choice: DrawnLevel,
     /// The levels that were drawn.
     pub levels: BTreeSet<usize>,
     /// Seconds of a picture, the mean over the views.
@@ -134,7 +134,7 @@ pub fn measure(
     clock: &dyn Fn() -> f64,
     go_on: GoOn,
 ) -> Result<Vec<LevelPictures>> {
-    let choices = Choice::all(model.scene().lanes.detail().levels.len());
+    let choices = DrawnLevel::all(model.scene().lanes.detail().levels.len());
     let total = (PIXELS.len() * options.views) as u64;
     let mut all = Vec::new();
     for pixels in PIXELS {
@@ -164,7 +164,7 @@ fn of_view(
     model: &Model,
     pixels: f64,
     direction: [f64; 2],
-    choices: &[Choice],
+    choices: &[DrawnLevel],
     repetitions: u32,
     clock: &dyn Fn() -> f64,
 ) -> Result<Vec<Picture>> {
@@ -230,7 +230,7 @@ pub(crate) fn camera(
 }
 
 /// Summarises the pictures of choice number `at`, of all views.
-fn together(pixels: f64, choice: Choice, views: &[Vec<Picture>], at: usize) -> LevelPictures {
+fn together(pixels: f64, choice: DrawnLevel, views: &[Vec<Picture>], at: usize) -> LevelPictures {
     let mean = |of: &dyn Fn(&Picture) -> f64| views.iter().map(|view| of(&view[at])).sum::<f64>() / views.len() as f64;
     let faster: Vec<f64> = views.iter().map(|view| view[0].seconds / view[at].seconds).collect();
     LevelPictures {

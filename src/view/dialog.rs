@@ -40,11 +40,11 @@ impl Purpose {
 pub(crate) struct NoDialog;
 
 /// What was chosen: several places only to open them, none if the dialog was cancelled.
-type Choice = Result<Vec<FilePlace>, NoDialog>;
+type DialogResult = Result<Vec<FilePlace>, NoDialog>;
 
 /// A dialog that is open.
 pub(crate) struct Dialog {
-    result: Receiver<(Purpose, Choice)>,
+    result: Receiver<(Purpose, DialogResult)>,
 }
 
 impl Dialog {
@@ -62,7 +62,7 @@ impl Dialog {
     }
 
     /// Puts into `answers` what was chosen, and what for; returns whether the dialog is still open.
-    pub(crate) fn is_open(&self, answers: &mut Vec<(Purpose, Choice)>) -> bool {
+    pub(crate) fn is_open(&self, answers: &mut Vec<(Purpose, DialogResult)>) -> bool {
         match self.result.try_recv() {
             Ok(answer) => {
                 answers.push(answer);
@@ -74,7 +74,7 @@ impl Dialog {
 }
 
 #[cfg(not(target_arch = "wasm32"))]
-async fn choose(purpose: &Purpose) -> Choice {
+async fn choose(purpose: &Purpose) -> DialogResult {
     let dialog = rfd::FileDialog::new();
     let paths = failures::noted(|| match purpose {
         Purpose::OpenFile => dialog.set_title("Open files or volumes").pick_files(),
@@ -163,7 +163,7 @@ mod failures {
 }
 
 #[cfg(target_arch = "wasm32")]
-async fn choose(purpose: &Purpose) -> Choice {
+async fn choose(purpose: &Purpose) -> DialogResult {
     Ok(match purpose {
         Purpose::OpenFile => FilePlace::together(crate::page::choose("", true).await),
         Purpose::OpenFolder => crate::page::choose_folder().await.map(FilePlace::folder).into_iter().collect(),

@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::super::values::{Background, Choice, background, choice, kernel, number};
+use super::super::values::{Background, Word, background, choice, kernel, number};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Blending, KernelShape, Mode, Quality, Sampling, Settings};
@@ -62,21 +62,21 @@ pub(super) struct LookArguments {
     pub(super) bits: SampleDepth,
 }
 
-const QUALITIES: [Choice<Quality>; 4] = [
+const QUALITIES: [Word<Quality>; 4] = [
     ("draft", Quality::Draft, "For moving the camera"),
     ("standard", Quality::Standard, "For pictures to look at"),
     ("high", Quality::High, "For pictures to measure in"),
     ("reference", Quality::Reference, "Nothing is left out; slow"),
 ];
 
-const SAMPLINGS: [Choice<Sampling>; 4] = [
+const SAMPLINGS: [Word<Sampling>; 4] = [
     ("fewest", Sampling::Fewest, "Fewer than enough, for moving the camera"),
     ("enough", Sampling::Enough, "As many as splats need, on the lattice of the slices; the picture is interpolated"),
     ("every", Sampling::EveryPixel, "All pixels of the picture"),
     ("finer", Sampling::Finer, "Several for each pixel where voxels are smaller than pixels"),
 ];
 
-const MODES: [Choice<Mode>; 4] = [
+const MODES: [Word<Mode>; 4] = [
     ("composite", Mode::Composite, "Splats blended from front to back, with lighting"),
     (
         "maximum",
@@ -87,18 +87,18 @@ const MODES: [Choice<Mode>; 4] = [
     ("xray", Mode::Additive, "The sum along the ray; --termination changes nothing"),
 ];
 
-const BLENDINGS: [Choice<Blending>; 3] = [
+const BLENDINGS: [Word<Blending>; 3] = [
     ("exponential", Blending::Exponential, "The integral along the ray"),
     ("linear", Blending::Linear, "Opacity times weight, the classic form"),
     ("sheets", Blending::Sheets, "The integral of the sum of each slice's splats"),
 ];
 
-const FORMS: [Choice<SplitForm>; 2] = [
+const FORMS: [Word<SplitForm>; 2] = [
     ("interleaved", SplitForm::Interleaved, "In turns; right where splats overlap"),
     ("split", SplitForm::Split, "One side after the other"),
 ];
 
-const DEPTHS: [Choice<SampleDepth>; 2] = [("8", SampleDepth::Eight, ""), ("16", SampleDepth::Sixteen, "")];
+const DEPTHS: [Word<SampleDepth>; 2] = [("8", SampleDepth::Eight, ""), ("16", SampleDepth::Sixteen, "")];
 
 impl LookArguments {
     /// Returns the settings for a picture of `size`, drawn by `threads`.

@@ -14,7 +14,7 @@ use super::table_of;
 use adjsplat::Model;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Quality;
-use adjsplat_study::levels::{Choice, DIRECTIONS, LevelOptions, LevelPictures, LevelSize, PIXELS};
+use adjsplat_study::levels::{DIRECTIONS, DrawnLevel, LevelOptions, LevelPictures, LevelSize, PIXELS};
 use adjsplat_study::levels::{geometric_mean, measure, sizes};
 use adjsplat_study::report::ReportCell;
 use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
@@ -99,8 +99,8 @@ fn open(path: &PathBuf) -> Result<(String, Model)> {
 
 fn row(name: &str, pictures: &LevelPictures, sizes: &[LevelSize]) -> Vec<ReportCell> {
     let size = match pictures.choice {
-        Choice::Level(level) => sizes.iter().find(|size| size.level == level),
-        Choice::Auto(_) => None,
+        DrawnLevel::Level(level) => sizes.iter().find(|size| size.level == level),
+        DrawnLevel::Auto(_) => None,
     };
     vec![
         name.into(),
@@ -121,7 +121,7 @@ fn row(name: &str, pictures: &LevelPictures, sizes: &[LevelSize]) -> Vec<ReportC
 /// What was measured of one choice over all files that have it.
 struct OverFiles {
     pixels: f64,
-    choice: Choice,
+    choice: DrawnLevel,
     times_faster: f64,
     least: f64,
     psnr: f64,
@@ -139,7 +139,7 @@ impl OverFiles {
 /// Summarises each choice at each size.
 fn over_files(all: &[Vec<LevelPictures>]) -> Vec<OverFiles> {
     let most = all.iter().map(|found| found.len() / PIXELS.len()).max().unwrap_or(0);
-    let choices = Choice::all(most.saturating_sub(3));
+    let choices = DrawnLevel::all(most.saturating_sub(3));
     let mut together = Vec::new();
     for pixels in PIXELS {
         for &choice in &choices {
@@ -163,11 +163,11 @@ fn over_files(all: &[Vec<LevelPictures>]) -> Vec<OverFiles> {
 /// Plots how many times faster each choice is, by the pixels a voxel.
 fn plot(together: &[OverFiles]) -> Plot {
     let mut series: Vec<PlotSeries> = Vec::new();
-    for found in together.iter().filter(|found| found.choice != Choice::Level(0)) {
+    for found in together.iter().filter(|found| found.choice != DrawnLevel::Level(0)) {
         let (name, point) = (found.choice.name(), [found.pixels, found.times_faster]);
         match series.iter_mut().find(|series| series.name == name) {
             Some(series) => series.points.push(point),
-            None if matches!(found.choice, Choice::Auto(_)) => series.push(PlotSeries::solid(name, vec![point])),
+            None if matches!(found.choice, DrawnLevel::Auto(_)) => series.push(PlotSeries::solid(name, vec![point])),
             None => series.push(PlotSeries::dashed(name, vec![point])),
         }
     }

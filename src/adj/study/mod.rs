@@ -17,7 +17,7 @@ use clap::{Args, Subcommand};
 use self::sets::{SetArguments, SetChoice};
 use super::Answer;
 use super::progress::{Progress, interrupted};
-use super::values::{Choice, choice};
+use super::values::{Word, choice};
 use adjsplat::error::{Error, Result};
 use adjsplat_study::baselines::Method;
 use adjsplat_study::lane_walk::CodesRead;
@@ -77,7 +77,7 @@ impl MethodArguments {
 }
 
 /// Values of the flags for which codes a walk reads of each voxel.
-const CODES: [Choice<CodesRead>; 3] = [
+const CODES: [Word<CodesRead>; 3] = [
     ("steps", CodesRead::Nothing, "The steps between voxels alone"),
     ("value", CodesRead::Values, "Also the value"),
     ("value+normal", CodesRead::ValuesAndNormals, "Also value and normal"),

@@ -25,7 +25,7 @@ pub struct Directory {
     /// An `.adj` file without channels, as far as it has arrived.
     bytes: Vec<u8>,
     whole: u64,
-    runs: Vec<Run>,
+    runs: Vec<SectionRun>,
     facts: Facts,
     channels: [Option<[Channel; 5]>; 3],
     /// Where the levels lie in the file, level 1 first.
@@ -36,7 +36,7 @@ pub struct Directory {
 
 /// Neighbouring sections: where they lie in the file, and from where on in the directory.
 #[derive(Debug, Clone)]
-struct Run {
+struct SectionRun {
     range: Range<u64>,
     at: u64,
 }
@@ -125,7 +125,7 @@ impl Directory {
         header.header_xxh3 = U64::new(header_checksum(&header, &table));
         let runs = joined(old.iter().zip(&table).map(|(old, new)| {
             let place = old.place();
-            Run { range: start + place.start..start + place.end, at: new.offset.get() }
+            SectionRun { range: start + place.start..start + place.end, at: new.offset.get() }
         }));
         let levels = head.table.iter().rev().filter(|entry| entry.level().is_some());
         Directory {
@@ -197,7 +197,7 @@ impl Directory {
     /// Iterates over the bytes of the file that this directory lacks, without those of levels.
     fn lacking(&self) -> impl Iterator<Item = Range<u64>> {
         let have = self.bytes.len() as u64;
-        let lacking = move |Run { range, at }: &Run| range.start + have.saturating_sub(*at)..range.end;
+        let lacking = move |SectionRun { range, at }: &SectionRun| range.start + have.saturating_sub(*at)..range.end;
         self.runs.iter().map(lacking).filter(|range| range.start < range.end)
     }
 
@@ -207,7 +207,7 @@ impl Directory {
             .fold([0; 2], |[done, whole], directory| [done + directory.bytes.len() as u64, whole + directory.whole])
     }
 
-    fn next_run(&self) -> Option<&Run> {
+    fn next_run(&self) -> Option<&SectionRun> {
         let have = self.bytes.len() as u64;
         self.runs.iter().find(|run| have < run.at + (run.range.end - run.range.start))
     }
@@ -339,8 +339,8 @@ fn changed(name: &str) -> Error {
 }
 
 /// Joins runs that follow one another, with only padding between them, at both places.
-fn joined(runs: impl Iterator<Item = Run>) -> Vec<Run> {
-    let mut joined: Vec<Run> = Vec::new();
+fn joined(runs: impl Iterator<Item = SectionRun>) -> Vec<SectionRun> {
+    let mut joined: Vec<SectionRun> = Vec::new();
     for run in runs {
         match joined.last_mut() {
             Some(last)

@@ -74,7 +74,7 @@ impl Coherence {
 /// Returns the 2x8-bit code nearest to the direction opposite to `gradient`; [`NONE8`] if it is zero or not finite.
 #[inline]
 pub fn encode8(gradient: [f64; 3]) -> u16 {
-    code8(nearest(gradient, 127.0, Lattice::ALL))
+    code8(nearest(gradient, 127.0, Multiples::ALL))
 }
 
 #[inline(always)]
@@ -86,7 +86,7 @@ fn code8(nearest: Option<[u64; 2]>) -> u16 {
 /// Returns the 2x16-bit code nearest to the direction opposite to `gradient`; [`NONE16`] if it is zero or not finite.
 #[inline]
 pub fn encode16(gradient: [f64; 3]) -> u32 {
-    code16(nearest(gradient, 32_767.0, Lattice::ALL))
+    code16(nearest(gradient, 32_767.0, Multiples::ALL))
 }
 
 #[inline(always)]
@@ -99,7 +99,7 @@ fn code16(nearest: Option<[u64; 2]>) -> u32 {
 /// `coherence`; the code for no normal if the gradient is zero or not finite.
 pub fn encode_coherent(gradient: [f64; 3], coherence: Coherence, bits: u8) -> u32 {
     let of_coherence = coherence.bits();
-    let lattice = Lattice { lowest: [of_coherence & 1, of_coherence >> 1].map(f64::from), steps: [2.0, 4.0] };
+    let lattice = Multiples { lowest: [of_coherence & 1, of_coherence >> 1].map(f64::from), steps: [2.0, 4.0] };
     match bits {
         8 => code8(nearest(gradient, 127.0, lattice)).into(),
         _ => code16(nearest(gradient, 32_767.0, lattice)),
@@ -149,13 +149,13 @@ fn unfold(u: f32, v: f32, scale: f32, length: f32) -> [f32; 3] {
 
 /// The whole numbers that u and v may be: one of each, and all at a multiple of a step from it.
 #[derive(Clone, Copy)]
-struct Lattice {
+struct Multiples {
     lowest: [f64; 2],
     steps: [f64; 2],
 }
 
-impl Lattice {
-    const ALL: Lattice = Lattice { lowest: [0.0; 2], steps: [1.0; 2] };
+impl Multiples {
+    const ALL: Multiples = Multiples { lowest: [0.0; 2], steps: [1.0; 2] };
 
     /// Returns the lower of the two numbers around a coordinate, both from -`scale` to `scale`.
     #[inline(always)]
@@ -168,7 +168,7 @@ impl Lattice {
 
 /// Returns u and v of the best of the four codes of a lattice around `-gradient`, as two's complement numbers in the low bits.
 #[inline(always)]
-fn nearest(gradient: [f64; 3], scale: f64, lattice: Lattice) -> Option<[u64; 2]> {
+fn nearest(gradient: [f64; 3], scale: f64, lattice: Multiples) -> Option<[u64; 2]> {
     let [x, y, z] = gradient.map(|component| -component);
     let sum = x.abs() + y.abs() + z.abs();
     let [x, y, z, sum] = if (1e-280..1e280).contains(&sum) { [x, y, z, sum] } else { rescaled(x, y, z)? };

@@ -21,7 +21,7 @@ use super::found::{Found, SampleFindings};
 use super::joined::RowsWithin;
 use super::levels::{Level, held, levels_of, rows_of, with_margin};
 use super::manifest::{Manifest, brick_description};
-use super::preview::{Choice, choice, join_level, join_preview, remove_parts};
+use super::preview::{PreviewForm, choice, join_level, join_preview, remove_parts};
 use super::split::BrickPlace;
 use super::{BrickEntry, Collection, Partition, PreviewEntry};
 use crate::arena::layout::{Channels, Facts, Scales};
@@ -400,7 +400,7 @@ impl Plan {
         let levels = GivenLevels { rows: of_levels, limits: None };
         place.write(folder, &rows, voxels, &levels, &output, observer)?;
         // A preview that may be a level is made of the bricks.
-        if let (0, Choice::EveryNth(every)) = (place.partition, self.preview_choice(|_| 0)) {
+        if let (0, PreviewForm::EveryNth(every)) = (place.partition, self.preview_choice(|_| 0)) {
             place.write_preview(folder, &rows, every, &self.grid, &output, observer)?;
         }
         Ok(voxels)
@@ -469,14 +469,14 @@ impl Plan {
             }
         }
         let choice = self.preview_choice(|number| voxels[usize::from(number) - 1]);
-        if choice == Choice::None {
+        if choice == PreviewForm::None {
             return Ok(None);
         }
         let old = Collection::open(folder).ok();
         let finished = old.filter(|old| old.manifest().partitions == bricks && old.preview().is_some());
         let is_chosen = |it: &PreviewEntry| match it.level {
-            Some(level) => choice == Choice::Level(level),
-            None => choice == Choice::EveryNth(it.every),
+            Some(level) => choice == PreviewForm::Level(level),
+            None => choice == PreviewForm::EveryNth(it.every),
         };
         if let Some(preview) = finished.and_then(|old| old.manifest().preview.clone().filter(is_chosen)) {
             return Ok(Some(preview));
@@ -485,14 +485,14 @@ impl Plan {
         let output =
             RowsOutput { facts: facts.clone(), description, lane_count, memory, threads, levels: Levels::default() };
         match choice {
-            Choice::Level(number) => join_level(folder, &bricks[0], &levels, number, &output, observer),
-            Choice::EveryNth(every) => join_preview(folder, &bricks[0], every, &output, observer),
-            Choice::None => Ok(None),
+            PreviewForm::Level(number) => join_level(folder, &bricks[0], &levels, number, &output, observer),
+            PreviewForm::EveryNth(every) => join_preview(folder, &bricks[0], every, &output, observer),
+            PreviewForm::None => Ok(None),
         }
     }
 
     /// Returns what the preview is, given how many voxels a level has.
-    fn preview_choice(&self, voxels_of: impl Fn(u8) -> u64) -> Choice {
+    fn preview_choice(&self, voxels_of: impl Fn(u8) -> u64) -> PreviewForm {
         let voxels = self.found.samples.map_or(0, |samples| samples.visible_voxels);
         choice(self.preview, voxels, &self.levels(), voxels_of)
     }

@@ -67,7 +67,7 @@ impl PreviewEntry {
 
 /// What a preview shows of the whole, and with how many grid points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Choice {
+pub(super) enum PreviewForm {
     /// None is made.
     None,
     /// Every n-th point.
@@ -87,16 +87,16 @@ pub(super) fn choice(
     visible_voxels: u64,
     levels: &[Level],
     voxels_of: impl Fn(u8) -> u64,
-) -> Choice {
+) -> PreviewForm {
     let wanted = every.unwrap_or_else(|| default_every(visible_voxels)).max(1);
     let fits = |(number, level): &(u8, &Level)| match every {
         Some(every) => points(level) == every,
         None => voxels_of(*number) <= VOXELS,
     };
     match (1..).zip(levels).find(fits) {
-        _ if wanted == 1 => Choice::None,
-        Some((number, _)) => Choice::Level(number),
-        None => Choice::EveryNth(wanted),
+        _ if wanted == 1 => PreviewForm::None,
+        Some((number, _)) => PreviewForm::Level(number),
+        None => PreviewForm::EveryNth(wanted),
     }
 }
 

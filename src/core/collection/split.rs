@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::levels::{Level, allowed, levels_of, rows_of};
 use super::manifest::{BrickEntry, Manifest, brick_description, fingerprint};
-use super::preview::{Choice, choice, join_level, join_preview, remove_if_there, remove_parts};
+use super::preview::{PreviewForm, choice, join_level, join_preview, remove_if_there, remove_parts};
 use super::{Collection, Partition};
 use crate::arena::layout::Facts;
 use crate::arena::{Arena, Levels, Region, Rows};
@@ -67,7 +67,7 @@ pub fn split(
                 // Bricks are then drawn from the levels that the whole is drawn from.
                 let limits = Some(arena.level_limits().iter().take(level_count.into()).copied().collect());
                 place.write(folder, &rows, voxels, &GivenLevels { rows: levels, limits }, &output, observer)?;
-                if let (0, Choice::EveryNth(every)) = (number, preview) {
+                if let (0, PreviewForm::EveryNth(every)) = (number, preview) {
                     place.write_preview(folder, &rows, every, &whole.grid, &output, observer)?;
                 }
                 bricks.push(place.found(folder, whole, level_count)?);
@@ -75,12 +75,12 @@ pub fn split(
             all.push(bricks);
         }
         let preview = match (partitions.first(), all.first(), preview) {
-            (Some(first), Some(bricks), Choice::EveryNth(every)) => {
+            (Some(first), Some(bricks), PreviewForm::EveryNth(every)) => {
                 let preview = join_preview(folder, bricks, every, &all_voxels, observer)?;
                 remove_parts(folder, first.boxes())?;
                 preview
             }
-            (_, Some(bricks), Choice::Level(number)) => {
+            (_, Some(bricks), PreviewForm::Level(number)) => {
                 join_level(folder, bricks, &levels, number, &all_voxels, observer)?
             }
             _ => None,

@@ -98,15 +98,15 @@ pub(crate) fn measure(
 /// The voxels from one direction.
 struct Direction {
     /// All of them; `None` if they would take too much memory.
-    all: Option<Samples>,
+    all: Option<DrawnSamples>,
     /// Those in some parts of the volume, on samples as fine as voxels; empty if the samples of `all` are as fine.
-    parts: Vec<Samples>,
+    parts: Vec<DrawnSamples>,
 }
 
 impl Direction {
     /// Draws the voxels from direction `number` of [`DIRECTIONS`]; `None` if they cannot be drawn, or not in [`MOST_BYTES`].
     fn draw(scene: &Scene, number: usize, resources: &Settings) -> Result<Option<Direction>> {
-        let draw = |crop| match Samples::draw(scene, DIRECTIONS[number], crop, resources) {
+        let draw = |crop| match DrawnSamples::draw(scene, DIRECTIONS[number], crop, resources) {
             Err(Error::Input { .. } | Error::Limit { .. }) => Ok(None),
             drawn => drawn,
         };
@@ -143,7 +143,7 @@ fn part(scene: &Scene, place: [f64; 3]) -> Option<VoxelBox> {
 }
 
 /// A picture of the voxels.
-struct Samples {
+struct DrawnSamples {
     camera: Camera,
     settings: Settings,
     picture: Frame,
@@ -151,14 +151,14 @@ struct Samples {
     width: u32,
 }
 
-impl Samples {
+impl DrawnSamples {
     /// Draws the voxels, or those in a `crop`, with samples as fine as [`MOST_SAMPLES`] allow, but no finer than voxels.
     fn draw(
         scene: &Scene,
         [azimuth, elevation]: [f64; 2],
         crop: Option<VoxelBox>,
         resources: &Settings,
-    ) -> Result<Option<Samples>> {
+    ) -> Result<Option<DrawnSamples>> {
         let outline = Outline::of_lane(&scene.facts.grid, scene.lanes.lane(Axis::X)?, crop);
         let orbit = Orbit { azimuth, elevation, ..Orbit::default() };
         let Projection::Parallel { height } = orbit.to_camera(&outline, [ALL_FACTORS; 2])?.projection() else {
@@ -177,7 +177,7 @@ impl Samples {
             return Ok(None);
         }
         let (picture, _) = cpu::render(scene, &camera, &drawn)?;
-        Ok(Some(Samples { camera, settings, picture, width }))
+        Ok(Some(DrawnSamples { camera, settings, picture, width }))
     }
 
     /// Returns the difference of a picture of a level, whose pixels are `factor` mean spacings wide: a multiple of a sample.
@@ -265,7 +265,7 @@ impl Search {
         go_on: &mut dyn FnMut() -> Result<()>,
     ) -> Result<()> {
         let (level, quality, aim) = (self.level, self.quality, aim(self.quality));
-        let mut difference = |samples: &[Samples], factor: u32| {
+        let mut difference = |samples: &[DrawnSamples], factor: u32| {
             samples.iter().try_fold(Difference::default(), |sum, samples| {
                 go_on()?;
                 Ok::<_, Error>(sum.and(samples.difference(scene, level, quality, factor)?))

@@ -75,7 +75,7 @@ pub(crate) struct EyeRays {
 
 /// The rays of N pixels.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Rays<const N: usize> {
+pub(crate) struct PixelRays<const N: usize> {
     /// Unit directions in voxel coordinates: all x components, then y, then z.
     direction: [[f32; N]; 3],
     lengths: RayLengths<N>,
@@ -180,7 +180,7 @@ impl EyeRays {
 
     /// Returns the rays of the pixels in these columns and rows.
     #[inline(always)]
-    pub(crate) fn rays<const N: usize>(&self, columns: [i32; N], rows: [i32; N]) -> Rays<N> {
+    pub(crate) fn rays<const N: usize>(&self, columns: [i32; N], rows: [i32; N]) -> PixelRays<N> {
         // Half a pixel at the most: exact in single precision.
         let [middle_x, middle_y] = self.centre.map(|at| at as f32);
         let (mut direction, mut slant) = ([[0.0; N]; 3], [1.0; N]);
@@ -204,7 +204,7 @@ impl EyeRays {
             }
             lengths.stretch[i] = slant[i] * per_length[i];
         }
-        Rays { direction, lengths }
+        PixelRays { direction, lengths }
     }
 
     /// Returns the lengths of the rays of the pixels in these columns and rows.
@@ -239,7 +239,7 @@ impl EyeRays {
 
     /// Returns the optical depth of a kernel on each ray, in units of ln 2 like `peak`, the depth of its voxel.
     #[inline(always)]
-    pub(crate) fn depths<const N: usize>(&self, kernel: &NearKernel, rays: &Rays<N>, peak: f32) -> [f32; N] {
+    pub(crate) fn depths<const N: usize>(&self, kernel: &NearKernel, rays: &PixelRays<N>, peak: f32) -> [f32; N] {
         let [x, y, z] = kernel.offset;
         let mut depths = [0.0; N];
         for i in 0..N {

@@ -8,7 +8,7 @@ use clap::Args;
 
 use super::super::classification::ClassificationArguments;
 use super::super::progress::{Progress, interrupted};
-use super::super::values::{Choice, choice, number};
+use super::super::values::{Word, choice, number};
 use super::super::{Answer, starts_as_adj};
 use super::output::OutputArguments;
 use super::sets::{Set, SetArguments, SetChoice, SetInput, SetVolume};
@@ -48,7 +48,7 @@ pub(super) struct Arguments {
     output: OutputArguments,
 }
 
-const FAMILIES: [Choice<Family>; 10] = [
+const FAMILIES: [Word<Family>; 10] = [
     ("presets", Family::Presets, "Draft, standard, high, reference"),
     ("dial", Family::Dial, "What adj render --max-error chooses from"),
     ("kernel", Family::Kernel, "Width and cut-off of splats"),

@@ -11,7 +11,7 @@ use multiversion::target::match_target;
 use super::blend::Blend;
 use super::gather::band::Band;
 use super::project::Projector;
-use super::scatter::maximum::{self, Rays};
+use super::scatter::maximum::{self, MaximumRays};
 use super::scatter::raster;
 use super::splats::Splats;
 use super::tile_buffer::TileBuffer;
@@ -87,14 +87,14 @@ with_avx512! {
     /// Runs [`maximum::add`]; returns how many voxels were drawn.
     pub(super) fn draw_maxima(
         projector: &Projector,
-        rays: &Rays,
+        rays: &MaximumRays,
         voxels: &VoxelBlock,
         tiles: &mut TileBuffer,
         slices: &mut [u16],
     ) -> u64 {
         match rays {
-            Rays::Parallel { .. } => maximum::add::<false>(projector, rays, voxels, tiles, slices),
-            Rays::Perspective { .. } => maximum::add::<true>(projector, rays, voxels, tiles, slices),
+            MaximumRays::Parallel { .. } => maximum::add::<false>(projector, rays, voxels, tiles, slices),
+            MaximumRays::Perspective { .. } => maximum::add::<true>(projector, rays, voxels, tiles, slices),
         }
     }
 }

@@ -7,7 +7,7 @@
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
 use super::lattice::{Footprints, Lattice, TileRays};
 use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pixel_span, slant, widened};
-use super::scatter::maximum::{Rays, advance};
+use super::scatter::maximum::{MaximumRays, advance};
 use super::splats::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, combine, full_rect};
 use super::tile_buffer::{Rect, TILE_SHIFT, TileBuffer};
@@ -174,7 +174,7 @@ type ColouredSplat<'a> = (Splat<'a>, [f32; 3]);
 
 /// Draws the largest value on the ray of each pixel.
 pub(super) fn draw_largest(task: &DrawTask, rect: Rect) -> Result<BandResult> {
-    let (mut tiles, rays) = (TileBuffer::new(rect, 0.0)?, Rays::new(task.setup));
+    let (mut tiles, rays) = (TileBuffer::new(rect, 0.0)?, MaximumRays::new(task.setup));
     let place = |x: i32, y: i32| (y * rect.x1 + x).unsigned_abs() as usize;
     // The slice of the last voxel that was drawn on each pixel.
     let mut slices = vec![0u16; place(0, rect.y1)];
@@ -198,8 +198,8 @@ pub(super) fn draw_largest(task: &DrawTask, rect: Rect) -> Result<BandResult> {
                 let near = rays.near(position, [x & !3, y & !3]);
                 let (column, row) = ([(x & 3) as f32], [(y & 3) as f32]);
                 let weights = match rays {
-                    Rays::Parallel { .. } => near.weights::<false, 1>(&column, &row),
-                    Rays::Perspective { .. } => near.weights::<true, 1>(&column, &row),
+                    MaximumRays::Parallel { .. } => near.weights::<false, 1>(&column, &row),
+                    MaximumRays::Perspective { .. } => near.weights::<true, 1>(&column, &row),
                 };
                 for (sum, weight) in values[1..].iter_mut().zip(weights) {
                     sum[0] += value * weight[0];

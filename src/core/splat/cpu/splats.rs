@@ -144,7 +144,7 @@ pub(super) struct SplatKernel {
 }
 
 /// For each pixel of a tile: the parts of the exponent that are the same for all tiles of a row.
-pub(super) struct TileRow {
+pub(super) struct RowTerms {
     /// The distance along x to the ellipse's ridge, if the tile's first column were that of the centre; times the
     /// square root of `u_factor`.
     distance: [f32; TILE_PIXELS],
@@ -164,7 +164,7 @@ impl SplatKernel {
         self.depth_on_ray(first_column, distance, exponent, [per_square, stretch])
     }
 
-    /// Returns the two values of [`TileRow`] for the pixel at `column` and `row` of a tile whose first row is
+    /// Returns the two values of [`RowTerms`] for the pixel at `column` and `row` of a tile whose first row is
     /// `first_row` rows below the centre's. `root`: the square root of `u_factor`.
     #[inline(always)]
     fn terms(&self, root: f32, first_row: f32, column: f32, row: f32) -> (f32, f32) {
@@ -190,9 +190,9 @@ impl SplatKernel {
     }
 
     #[inline(always)]
-    pub(super) fn tile_row(&self, root: f32, row: i32) -> TileRow {
+    pub(super) fn tile_row(&self, root: f32, row: i32) -> RowTerms {
         let first_row = ((row << TILE_SHIFT) - self.centre.y) as f32;
-        let mut terms = TileRow { distance: [0.0; TILE_PIXELS], exponent: [0.0; TILE_PIXELS] };
+        let mut terms = RowTerms { distance: [0.0; TILE_PIXELS], exponent: [0.0; TILE_PIXELS] };
         for i in 0..TILE_PIXELS {
             (terms.distance[i], terms.exponent[i]) = self.terms(root, first_row, COLUMN[i], ROW[i]);
         }
@@ -201,7 +201,7 @@ impl SplatKernel {
 
     /// Returns the optical depths at the pixels of a tile.
     #[inline(always)]
-    pub(super) fn depths(&self, root: f32, tile_row: &TileRow, column: i32) -> [f32; TILE_PIXELS] {
+    pub(super) fn depths(&self, root: f32, tile_row: &RowTerms, column: i32) -> [f32; TILE_PIXELS] {
         let first_column = ((column << TILE_SHIFT) - self.centre.x) as f32 * root;
         let mut depths = [0.0; TILE_PIXELS];
         for i in 0..TILE_PIXELS {
@@ -215,7 +215,7 @@ impl SplatKernel {
     pub(super) fn depths_on_rays(
         &self,
         root: f32,
-        tile_row: &TileRow,
+        tile_row: &RowTerms,
         column: i32,
         lengths: &RayLengths<TILE_PIXELS>,
     ) -> [f32; TILE_PIXELS] {

@@ -15,7 +15,7 @@ use crate::arena::visible::MAX_DEPTH;
 use crate::splat::Lighting;
 use crate::splat::arith::LOG2_E;
 use crate::splat::clip::{ClipRegion, IndexPlane};
-use crate::splat::cpu::scatter::maximum::Rays;
+use crate::splat::cpu::scatter::maximum::MaximumRays;
 use crate::splat::kernel::{KernelShape, footprint};
 use crate::splat::near::EyeRays;
 use crate::splat::setup::FrameSetup as Shot;
@@ -201,7 +201,7 @@ impl FrameUniform {
             }
         };
         if blend == BlendMode::Maximum {
-            uniform.set_rays(&Rays::new(shot));
+            uniform.set_rays(&MaximumRays::new(shot));
         }
         for (r, map) in maps.iter().enumerate() {
             (uniform.rows[r], uniform.shifts[r]) = AffineRow::new(map, dims);
@@ -266,15 +266,15 @@ impl FrameUniform {
     }
 
     /// Fills in the rays of a maximum, and how far a voxel's samples lie from it.
-    fn set_rays(&mut self, rays: &Rays) {
+    fn set_rays(&mut self, rays: &MaximumRays) {
         match rays {
-            Rays::Parallel { start, slope, reach, .. } => {
+            MaximumRays::Parallel { start, slope, reach, .. } => {
                 for a in 0..2 {
                     self.sample_rays[a + 1] = [start[a][0] as f32, start[a][1] as f32, (slope[a] / 2.0) as f32, 0.0];
                 }
                 self.half_width = reach.map(|reach| reach as f32 + 0.01);
             }
-            Rays::Perspective { eye, direction, reach, near, .. } => {
+            MaximumRays::Perspective { eye, direction, reach, near, .. } => {
                 self.near = *near as f32;
                 for a in 0..3 {
                     self.sample_rays[a] = [direction[a][0] as f32, direction[a][1] as f32, eye[a] as f32, 0.0];

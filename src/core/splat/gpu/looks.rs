@@ -15,7 +15,7 @@ use crate::splat::{Mode, Scene, Settings};
 
 /// The tables of a frame.
 #[derive(Debug)]
-pub(crate) struct LookTables<'a> {
+pub(crate) struct DeviceLooks<'a> {
     pub(crate) table: Table<'a>, // The processor's table.
     pub(crate) mean_voxel: f64,  // The mean spacing that its depths are for.
     pub(crate) on_device: LookBuffers,
@@ -41,7 +41,7 @@ impl LookBuffers {
     }
 }
 
-impl<'a> LookTables<'a> {
+impl<'a> DeviceLooks<'a> {
     /// Returns the most bytes that the tables of `lane` take.
     pub(crate) fn max_bytes(lane: &Lane, uses_gradient: bool) -> u64 {
         let codes = 1u64 << lane.channels.value_bits;
@@ -62,7 +62,7 @@ impl<'a> LookTables<'a> {
     ) -> Result<Self> {
         let table = Table::new(scene, lane, settings, mean_voxel)?;
         if let Some(on_device) = there {
-            return Ok(LookTables { table, mean_voxel, on_device });
+            return Ok(DeviceLooks { table, mean_voxel, on_device });
         }
         let last = lane.channels.last_value_code();
         let uses_magnitude = table.needs_magnitude()
@@ -87,7 +87,7 @@ impl<'a> LookTables<'a> {
         let Settings { mode, exposure, .. } = *settings;
         let transfer = scene.transfer.clone();
         let on_device = LookBuffers { mode, exposure, transfer, level, by_value, by_pair, uses_magnitude };
-        Ok(LookTables { table, mean_voxel, on_device })
+        Ok(DeviceLooks { table, mean_voxel, on_device })
     }
 
     /// Returns the factor from the tables' depths to those of a level whose mean spacing is `mean_voxel`.

@@ -44,7 +44,7 @@ use self::buffers::FrameBuffers;
 use self::context::MAX_BINDING;
 use self::draw::{FrameOutput, Part};
 use self::lines::{LaneSize, LineList, list_key};
-use self::looks::{LookBuffers, LookTables};
+use self::looks::{DeviceLooks, LookBuffers};
 use self::probe::ProbeCallback;
 pub use self::resident::Resident;
 pub use self::resolve::RenderTarget;
@@ -177,7 +177,7 @@ pub struct GpuStats {
 #[derive(Debug)]
 pub struct GpuRenderer<'a> {
     scene: Scene<'a>,
-    looks: Option<LookTables<'a>>,
+    looks: Option<DeviceLooks<'a>>,
     resident: Resident,
 }
 
@@ -437,13 +437,13 @@ impl<'a> GpuRenderer<'a> {
     }
 
     /// Returns the tables of the frame that is being drawn.
-    fn looks(&self) -> &LookTables<'a> {
+    fn looks(&self) -> &DeviceLooks<'a> {
         self.looks.as_ref().expect("a frame begins with its tables")
     }
 
     fn plan(&self, lane: &Lane, settings: &Settings) -> Result<MemoryPlan> {
         let uses_gradient = self.scene.transfer.uses_gradient() || lane.shown.is_some();
-        let table_bytes = LookTables::max_bytes(lane, uses_gradient);
+        let table_bytes = DeviceLooks::max_bytes(lane, uses_gradient);
         let (ceiling, max_binding) = (self.resident.options.vram, self.resident.context.max_binding());
         // That of all levels, so that lists last while views change between levels.
         let all_facts = std::iter::once(self.scene.facts).chain(self.scene.lanes.detail().levels);
@@ -454,7 +454,7 @@ impl<'a> GpuRenderer<'a> {
 
     /// Prepares the tables for all parts of a frame. Composites have those of level 0, whatever they draw. Frames in other
     /// modes have one part; its tables depend on what voxels there are. Depths are for the spacing of level 0: those of a
-    /// level differ by [`LookTables::depth_factor`].
+    /// level differ by [`DeviceLooks::depth_factor`].
     fn prepare_looks(
         &mut self,
         (level, shot): &(usize, Shot),
@@ -472,7 +472,7 @@ impl<'a> GpuRenderer<'a> {
             let there = self.resident.kept_looks.take().filter(hold);
             let view = View::new(camera, &self.scene.facts.grid, settings.size, settings.kernel(), settings.near)?;
             let (context, mean_voxel) = (&self.resident.context, view.mean_voxel);
-            self.looks = Some(LookTables::new(context, (level, &scene), &shot.lane, mean_voxel, settings, there)?);
+            self.looks = Some(DeviceLooks::new(context, (level, &scene), &shot.lane, mean_voxel, settings, there)?);
         }
         stats.upload_ms += start.elapsed().as_secs_f64() * 1e3;
         Ok(())

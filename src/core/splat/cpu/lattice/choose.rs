@@ -3,7 +3,7 @@
 //! In: a view of the voxels in a box, the order of its walk, and settings. Out: a [`Lattice`].
 
 use super::resolution::Resolution;
-use super::{Lattice, LowPass, Rays, parallel, perspective};
+use super::{Lattice, LowPass, PlaneRays, parallel, perspective};
 use crate::splat::block_kernel::SHAPES;
 use crate::splat::kernel::KernelShape;
 use crate::splat::supersample::sigma_at_centre;
@@ -52,7 +52,7 @@ impl Subject<'_> {
         size: [u32; 2],
         plane_from_pixel: [[f64; 3]; 3],
         low_pass: LowPass,
-        rays: Rays,
+        rays: PlaneRays,
     ) -> Lattice {
         let Subject { view, kernel, squares, .. } = *self;
         Lattice { size, picture: view.size, plane_from_pixel, low_pass, rays, kernel, spread: view.margin, squares }

@@ -78,7 +78,7 @@ impl Footprints {
             return None;
         }
         let mut weights = vec![0.0; SHAPES * of_shape];
-        let strip = Strip { before, strips, rows: rows as usize, scale: slice.scale() };
+        let strip = WeightStrip { before, strips, rows: rows as usize, scale: slice.scale() };
         let kernels = lattice.kernels([0, 0]);
         for (weights, kernel) in weights.chunks_exact_mut(of_shape).zip(kernels) {
             compute(&TileRays::new([0, 0], kernel), &strip, projector.cut, weights.as_chunks_mut().0);
@@ -199,7 +199,7 @@ fn quarters(slice: &Slice, side: usize, voxel: u16, shift: f32) -> i32 {
 }
 
 /// The shape of the weights of one place.
-struct Strip {
+struct WeightStrip {
     before: [i32; 2],
     strips: i32,
     rows: usize,
@@ -209,7 +209,7 @@ struct Strip {
 
 /// Computes the weights of all places, strip after strip, four rows at a time.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn compute(rays: &TileRays, strip: &Strip, cut: f32, weights: &mut [[f32; TILE_PIXELS]]) {
+fn compute(rays: &TileRays, strip: &WeightStrip, cut: f32, weights: &mut [[f32; TILE_PIXELS]]) {
     for (index, weights) in (0..).zip(weights.chunks_exact_mut(strip.rows / 4)) {
         let (place, column): (i32, i32) = (index / strip.strips, index % strip.strips);
         let offset = [place % PLACES, place / PLACES].map(|place| (place - MIDDLE) as f32 / PLACES as f32);

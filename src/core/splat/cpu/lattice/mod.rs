@@ -52,7 +52,7 @@ pub(super) struct Lattice {
     /// third row is the divisor, positive where a ray meets the plane.
     pub(super) plane_from_pixel: [[f64; 3]; 3],
     pub(super) low_pass: LowPass,
-    rays: Rays,
+    rays: PlaneRays,
     kernel: KernelShape,
     /// How far voxels may lie from points of the grid, along an axis, in voxels.
     spread: f64,
@@ -70,7 +70,7 @@ pub(super) struct Tiles {
 
 /// How the plane's pixels are rays through the slices. Pairs are along the fast and the medium axis, in voxels.
 #[derive(Debug, Clone)]
-enum Rays {
+enum PlaneRays {
     Parallel {
         /// Number of voxels to a tile's width and height; whole, or one and a half, if voxels lie on points of the grid.
         voxels: [f64; 2],
@@ -168,11 +168,11 @@ impl Lattice {
     pub(super) fn slice(&self, slow: u16) -> Slice {
         let slow = f64::from(slow);
         match &self.rays {
-            Rays::Parallel { voxels, slope, origin, .. } => {
+            PlaneRays::Parallel { voxels, slope, origin, .. } => {
                 let origin = [0, 1].map(|side| origin[side] + slope[side] * slow);
                 Slice { slow, origin, step: voxels.map(|voxels| voxels / 4.0), shift: *slope, growth: [0.0; 2] }
             }
-            Rays::Perspective { eye, first, step, .. } => {
+            PlaneRays::Perspective { eye, first, step, .. } => {
                 let distance = (slow - eye[0]).abs();
                 let away = (slow - eye[0]).signum();
                 let origin = [0, 1].map(|side| eye[1 + side] + distance * first[side]);
@@ -261,8 +261,8 @@ impl Lattice {
         let per_column = [1.0, (slice.step[0] / slice.step[1]) as f32];
         for (side, tiles) in tiles.into_iter().enumerate() {
             let (first, step) = match &self.rays {
-                Rays::Parallel { slope, .. } => (slope[side] as f32, 0.0),
-                Rays::Perspective { first, step, .. } => (first[side] as f32, step[side] as f32),
+                PlaneRays::Parallel { slope, .. } => (slope[side] as f32, 0.0),
+                PlaneRays::Perspective { first, step, .. } => (first[side] as f32, step[side] as f32),
             };
             // The slopes of the tiles that a kernel reaches are at most this much steeper.
             let more = step * self.farthest(slice, side) as f32;
@@ -293,15 +293,15 @@ impl Lattice {
     /// Returns whether the view is parallel: all tiles and slices then have the same rays.
     #[inline(always)]
     pub(super) fn is_parallel(&self) -> bool {
-        matches!(self.rays, Rays::Parallel { .. })
+        matches!(self.rays, PlaneRays::Parallel { .. })
     }
 
     /// Returns the peak of a splat of optical depth 1 in a parallel view; `None` in perspective, where it varies.
     #[inline(always)]
     pub(super) fn strength(&self) -> Option<f32> {
         match self.rays {
-            Rays::Parallel { strength, .. } => Some(strength),
-            Rays::Perspective { .. } => None,
+            PlaneRays::Parallel { strength, .. } => Some(strength),
+            PlaneRays::Perspective { .. } => None,
         }
     }
 
@@ -310,7 +310,7 @@ impl Lattice {
     #[inline(always)]
     pub(super) fn periods(&self) -> Option<[Period; 2]> {
         match self.rays {
-            Rays::Parallel { voxels, .. } if self.spread == 0.0 => Some(voxels.map(|voxels| {
+            PlaneRays::Parallel { voxels, .. } if self.spread == 0.0 => Some(voxels.map(|voxels| {
                 let shift = i32::from(voxels.fract() > 0.0);
                 Period { shift, voxels: (voxels * f64::from(1 << shift)) as i32 }
             })),
@@ -343,8 +343,8 @@ impl Lattice {
     #[inline(always)]
     fn steepest(&self, side: usize, [low, high]: [f64; 2]) -> f64 {
         match &self.rays {
-            Rays::Parallel { slope, .. } => slope[side].abs(),
-            Rays::Perspective { first, step, .. } => {
+            PlaneRays::Parallel { slope, .. } => slope[side].abs(),
+            PlaneRays::Perspective { first, step, .. } => {
                 (first[side] + step[side] * low).abs().max((first[side] + step[side] * high).abs())
             }
         }

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::choose::Subject;
 use super::low_pass::LowPass;
 use super::resolution::{EdgeRays, SMALL_STEP};
-use super::{Lattice, Rays};
+use super::{Lattice, PlaneRays};
 use crate::splat::view::PixelMap;
 
 /// Slices are in phase if a ray moves by a whole number of voxels per slice, up to this many voxels: along an axis, and along
@@ -74,7 +74,7 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     }
     let cross =
         DVec3::new(x[0], x[1], x[2]).cross(DVec3::new(y[0], y[1], y[2])).length() * f64::from(kernel.sigma).powi(2);
-    let rays = Rays::Parallel {
+    let rays = PlaneRays::Parallel {
         voxels,
         slope: shift.map(|shift| -shift),
         origin: [0, 1].map(|side: usize| first[side] / per_voxel[side]),

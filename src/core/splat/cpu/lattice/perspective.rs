@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use super::choose::Subject;
 use super::low_pass::LowPass;
 use super::resolution::EdgeRays;
-use super::{Lattice, Rays};
+use super::{Lattice, PlaneRays};
 use crate::splat::kernel::LOW_PASS;
 use crate::splat::view::PixelMap;
 use crate::traverse::Viewpoint;
@@ -136,7 +136,7 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     let plane = [0, 1].map(|side| ((row(1 + side) - row(0) * first[side]) / step[side]).to_array());
     let plane_from_pixel = [plane[0], plane[1], row(0).to_array()];
     let strength = f64::from(kernel.normalisation()) / f64::from(kernel.sigma).powi(2);
-    let rays = Rays::Perspective { eye, first, step, steps, strength };
+    let rays = PlaneRays::Perspective { eye, first, step, steps, strength };
     Some(subject.lattice(size, plane_from_pixel, low_pass, rays))
 }
 

@@ -2,7 +2,7 @@
 //!
 //! In: a lattice, a tile, a kernel's shape. Out: weights at the tile's sixteen pixels. The formula is in mod.rs.
 
-use super::{Lattice, Place, Rays};
+use super::{Lattice, Place, PlaneRays};
 use crate::splat::arith::{LOG2_E, keep_if, near_exp2_neg};
 use crate::splat::block_kernel::SHAPES;
 use crate::splat::cpu::tile_buffer::{COLUMN, ROW, TILE_PIXELS, TILE_SHIFT};
@@ -114,14 +114,14 @@ impl Lattice {
     fn slopes(&self, [column, row]: [i32; 2]) -> ([f32; 2], f32) {
         let first = [column << TILE_SHIFT, row << TILE_SHIFT];
         let [fast, medium] = match &self.rays {
-            Rays::Parallel { slope, .. } => *slope,
-            Rays::Perspective { first: slope, step, .. } => {
+            PlaneRays::Parallel { slope, .. } => *slope,
+            PlaneRays::Perspective { first: slope, step, .. } => {
                 [0, 1].map(|side| slope[side] + step[side] * (f64::from(first[side]) + 1.5))
             }
         };
         let strength = match &self.rays {
-            Rays::Parallel { strength, .. } => *strength,
-            Rays::Perspective { steps, strength, .. } => {
+            PlaneRays::Parallel { strength, .. } => *strength,
+            PlaneRays::Perspective { steps, strength, .. } => {
                 let length = (steps[0] + steps[1] * fast + steps[2] * medium).length();
                 (strength * (length / (1.0 + fast * fast + medium * medium).sqrt())) as f32
             }
@@ -133,9 +133,8 @@ impl Lattice {
     #[inline(always)]
     fn kernel_on(&self, [fast, medium]: [f32; 2], strength: f32, [s, f, m]: [f32; 3]) -> RayKernel {
         let row_per_column = match &self.rays {
-            Rays::Parallel { voxels: [across, down], .. } | Rays::Perspective { step: [across, down], .. } => {
-                down / across
-            }
+            PlaneRays::Parallel { voxels: [across, down], .. }
+            | PlaneRays::Perspective { step: [across, down], .. } => down / across,
         } as f32;
         let scale = 0.5 * LOG2_E / (self.kernel.sigma * self.kernel.sigma);
         // The covariance on the slice is (f + s fast^2, s fast medium; s fast medium, m + s medium^2).

@@ -28,7 +28,7 @@ use crate::traverse::Viewpoint;
 /// Draws the band `rect`.
 pub(super) fn draw(task: &DrawTask, rect: Rect) -> Result<BandResult> {
     let tiles = TileBuffer::new(rect, 0.0)?;
-    let (rays, mut slices) = (Rays::new(task.setup), vec![0; tiles.len()]);
+    let (rays, mut slices) = (MaximumRays::new(task.setup), vec![0; tiles.len()]);
     let DrawTask { projector, settings, .. } = task;
     Ok(band::paint(task, tiles, |voxels, tiles| {
         dispatch::draw_maxima(settings.code, projector, &rays, voxels, tiles, &mut slices)
@@ -42,7 +42,7 @@ pub(super) fn draw(task: &DrawTask, rect: Rect) -> Result<BandResult> {
 #[inline(always)]
 pub(in super::super) fn add<const IS_PERSPECTIVE: bool>(
     projector: &Projector,
-    rays: &Rays,
+    rays: &MaximumRays,
     voxels: &VoxelBlock,
     tiles: &mut TileBuffer,
     slices: &mut [u16],
@@ -106,7 +106,7 @@ pub(in super::super) fn advance<const N: usize>(values: &mut [[f32; N]; 4], slic
 }
 
 /// The rays of a picture's pixels in voxel coordinates, whose axes are in the order slow, medium, fast.
-pub(crate) enum Rays {
+pub(crate) enum MaximumRays {
     /// All rays have one direction.
     Parallel {
         /// The coordinates, medium and fast, of a pixel's ray at slice 0, as maps of the pixel's column and row.
@@ -140,9 +140,9 @@ pub(crate) type PixelAffine = [f64; 3];
 /// so that rounding leaves no sample out.
 const REACH: [f64; 3] = [0.500_01, 1.000_01, 1.000_01];
 
-impl Rays {
+impl MaximumRays {
     /// Returns the rays of a frame.
-    pub(crate) fn new(setup: &FrameSetup) -> Rays {
+    pub(crate) fn new(setup: &FrameSetup) -> MaximumRays {
         let nesting = [setup.order.slow, setup.order.medium, setup.order.fast].map(|axis| axis.index());
         let nested = |map: &Affine| [map[nesting[0]], map[nesting[1]], map[nesting[2]], map[3]];
         let reach_of = |map: &Affine| (0..3).map(|a| map[a].abs() * REACH[a]).sum();
@@ -161,7 +161,7 @@ impl Rays {
                 });
                 let reach = camera_from_voxel.each_ref().map(reach_of);
                 let (focal, centre, near) = (*focal, *centre, setup.view.ray_start());
-                Rays::Perspective { eye, direction, camera_from_voxel, reach, focal, centre, near }
+                MaximumRays::Perspective { eye, direction, camera_from_voxel, reach, focal, centre, near }
             }
             (PixelMap::Parallel { pixel_from_voxel, .. }, _) => {
                 let pixel_from_voxel = pixel_from_voxel.each_ref().map(nested);
@@ -172,7 +172,7 @@ impl Rays {
                 let (by_column, by_row, at) = (solve(1.0, 0.0), solve(0.0, 1.0), solve(-x0, -y0));
                 let start = [0, 1].map(|a| [by_column[a], by_row[a], at[a]]);
                 let reach = pixel_from_voxel.each_ref().map(reach_of);
-                Rays::Parallel { start, slope: solve(-xs, -ys), pixel_from_voxel, reach }
+                MaximumRays::Parallel { start, slope: solve(-xs, -ys), pixel_from_voxel, reach }
             }
         }
     }
@@ -183,11 +183,11 @@ impl Rays {
         // A hundredth of a pixel more on either side.
         let span = |low: f64, high: f64| [nearest_pixel(low + 0.49).0, nearest_pixel(high - 0.49).0];
         let [[left, right], [top, bottom]] = match self {
-            Rays::Parallel { pixel_from_voxel, reach, .. } => [0, 1].map(|side| {
+            MaximumRays::Parallel { pixel_from_voxel, reach, .. } => [0, 1].map(|side| {
                 let at = affine_at(&pixel_from_voxel[side], position);
                 span(at - reach[side], at + reach[side])
             }),
-            Rays::Perspective { camera_from_voxel, reach, focal, centre, near, .. } => {
+            MaximumRays::Perspective { camera_from_voxel, reach, focal, centre, near, .. } => {
                 let [t0, t1, t2] = camera_from_voxel.each_ref().map(|map| affine_at(map, position));
                 let nearest = if t2 - reach[2] > *near { t2 - reach[2] } else { *near };
                 let farthest = if t2 + reach[2] > nearest { t2 + reach[2] } else { nearest };
@@ -215,7 +215,7 @@ impl Rays {
         let [column, row] = first.map(f64::from);
         let at_first = |map: &PixelAffine| apply(&[map[0], map[1], 0.0, map[2]], [column, row, 0.0]);
         match self {
-            Rays::Parallel { start, slope, .. } => {
+            MaximumRays::Parallel { start, slope, .. } => {
                 let apart = |a: usize, voxel: f64| {
                     single([start[a][0], start[a][1], at_first(&start[a]) + slope[a] * slow - voxel])
                 };
@@ -225,7 +225,7 @@ impl Rays {
                     ..NearRays::default()
                 }
             }
-            Rays::Perspective { eye, direction, near, .. } => {
+            MaximumRays::Perspective { eye, direction, near, .. } => {
                 let [along, medium_part, fast_part] = direction.each_ref().map(|map| [map[0], map[1], at_first(map)]);
                 let depth = slow - eye[0];
                 let apart =

@@ -341,7 +341,7 @@ fn between(first: f32, last: f32, low: i32, high: i32) -> vec2<i32> {
     return vec2<i32>(max(nearest_pixel(first + 0.49).nearest, low), min(nearest_pixel(last - 0.49).nearest, high));
 }
 
-// Returns the voxel of a maximum, which lies at its grid point: cpu/scatter/maximum.rs, Rays::pixels. Voxels behind the eye are left
+// Returns the voxel of a maximum, which lies at its grid point: cpu/scatter/maximum.rs, MaximumRays::pixels. Voxels behind the eye are left
 // out.
 fn value_splat(voxel: VisitedVoxel, xyz: vec3<u32>, share: f32) -> Splat {
     let value = look_of(voxel.record, share).w;
