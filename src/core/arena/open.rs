@@ -279,7 +279,7 @@ impl<'a> Arena<'a> {
 
     /// Returns the lane along x, which every arena that opens has.
     pub fn x_lane(&self) -> Lane<'a> {
-        self.lane(Axis::X).expect("R10")
+        self.lane(Axis::X).expect("rule R10 of the format was checked")
     }
 
     /// Iterates over the stored lanes, x first.

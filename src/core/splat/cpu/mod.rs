@@ -204,7 +204,7 @@ impl SampleGrid {
         supersampling: Option<Supersampling>,
         settings: &Settings,
     ) -> Option<SampleGrid> {
-        // Only beside one sample a pixel is the number of voxels known to matter.
+        // How many voxels there are was found to matter only beside one sample a pixel.
         let voxels = if supersampling.is_none() { voxels } else { f64::INFINITY };
         let lattice = Lattice::new(view, order, bounds, deepest, settings)
             .filter(|lattice| lattice.is_worthwhile(samples_shown(view, bounds, supersampling.as_ref()), voxels));
