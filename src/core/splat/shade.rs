@@ -104,14 +104,13 @@ impl Lights {
                     powers[k] *= squares[k];
                 }
             }
-            for square in &mut squares {
-                *square *= *square;
-            }
+            squares.iter_mut().for_each(|square| *square *= *square);
         }
+        let mut highlights = [0.0; N];
         for k in 0..N {
-            powers[k] = keep_if(has_normal(k), specular * powers[k]);
+            highlights[k] = keep_if(has_normal(k), specular * powers[k]);
         }
-        [factors, powers]
+        [factors, highlights]
     }
 
     /// Returns the factor and the highlight of a voxel that stands for several normals, from those of their mean.
