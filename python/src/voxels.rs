@@ -158,7 +158,7 @@ pub(crate) fn read_normals(model: &Model, py: Python<'_>, mut out: PyReadwriteAr
     let (bits, grid) = (arena.facts().channels.normal_bits, &arena.facts().grid);
     let rows = out.as_slice_mut().map_err(not_contiguous)?.as_chunks_mut::<3>().0;
     model.fill(py, rows.iter_mut(), |row, _, record| {
-        *row = grid.world_from_axes(normal::decode(record.normal, bits).map(f64::from)).map(f32::nearest);
+        *row = grid.world_normal(normal::decode(record.normal, bits)).map(f32::nearest);
     })
 }
 

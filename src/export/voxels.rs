@@ -8,7 +8,6 @@ use adjsplat::classify::{TransferFunction, normal};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::{drawable, stored_transfer};
 use adjsplat::volume::{Grid, SampleType};
-use glam::DVec3;
 use serde_json::Value;
 
 use super::output::{Progress, Written};
@@ -97,9 +96,7 @@ impl<'a> StoredVoxels<'a> {
 
     /// Returns the unit normal of a record in the world; zero if it has none.
     pub(crate) fn normal(&self, record: Record) -> [f64; 3] {
-        // Codes are along the grid's axes.
-        let along = normal::decode(record.normal, self.facts().channels.normal_bits);
-        DVec3::from_array(self.grid.world_from_axes(along.map(f64::from))).normalize_or_zero().to_array()
+        self.grid.world_normal(normal::decode(record.normal, self.facts().channels.normal_bits))
     }
 
     /// Returns the position of a grid point in the world.

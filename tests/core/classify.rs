@@ -4,14 +4,14 @@
 //! Judged by closed forms (Levoy's formulas worked by hand, linear fields) and by the bounds that the codecs state.
 
 use adjsplat::classify::colour::linear_from_srgb;
-use adjsplat::classify::gradient::magnitude;
+use adjsplat::classify::gradient::{GridAxes, length};
 use adjsplat::classify::normal::{
     self, Coherence, NONE8, NONE16, decode, decode8, decode16, encode_coherent, encode8, encode16,
 };
 use adjsplat::classify::{
     Cap, Colour, Contour, Neighbourhood, PRESETS, Point, Quantiser, TransferFunction, UnlistedLabels,
 };
-use adjsplat::volume::SampleType;
+use adjsplat::volume::{Grid, SampleType};
 use adjsplat_tests::random::Random;
 
 fn grey(value: f64, opacity: f64) -> Point {
@@ -363,10 +363,31 @@ fn gradients(dims: [usize; 3], spacing: [f64; 3], field: impl Fn([usize; 3]) -> 
         let above = slices.get(z + 1).map(|slice| &slice[..]);
         let here = Neighbourhood::new(below, &slices[z], above, [dims[0], dims[1]], spacing);
         for y in 0..dims[1] {
-            all.extend((0..dims[0]).map(|x| ([x, y, z], here.gradient(x, y))));
+            all.extend((0..dims[0]).map(|x| ([x, y, z], here.slopes(x, y))));
         }
     }
     all
+}
+
+/// Slopes along axes that are not at right angles were taken for the gradient's components: 37 degrees off here.
+#[test]
+fn gradients_of_sheared_grids_are_those_of_the_world() {
+    let gradient = [0.3, -0.5, 0.8];
+    for (direction, size) in [
+        ([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]], 1.0),
+        ([[0.0, 0.28, 0.96], [0.6, 0.8, 0.0], [-1.0, 0.0, 0.0]], 1e200),
+        ([[0.0, 0.6, 0.8], [0.0, -0.8, 0.6], [1.0, 0.0, 0.0]], 1e-200),
+    ] {
+        let grid = Grid { direction, ..Grid::new([2, 2, 2], [1.0; 3]).unwrap() };
+        let axes = GridAxes::of(&grid);
+        let slopes = direction.map(|axis| (0..3).map(|w| axis[w] * gradient[w] * size).sum());
+        assert!((axes.magnitude(slopes) / (size * length(gradient)) - 1.0).abs() < 1e-12, "{direction:?}");
+        let along = axes.along(slopes);
+        let world: [f64; 3] = std::array::from_fn(|w| (0..3).map(|a| direction[a][w] * along[a]).sum());
+        for w in 0..3 {
+            assert!((world[w] / length(world) - gradient[w] / length(gradient)).abs() < 1e-12, "{direction:?}");
+        }
+    }
 }
 
 /// Rounded to single precision, samples near 2e9 differ by multiples of 128, and a ball of 200 levels was lit as flat steps.
@@ -374,13 +395,13 @@ fn gradients(dims: [usize; 3], spacing: [f64; 3], field: impl Fn([usize; 3]) -> 
 fn small_differences_of_large_samples_have_gradients() {
     let samples = [0, 1, 3].map(|level| 2_000_000_000 + level);
     let row = Neighbourhood::new(None, &samples, None, [3, 1], [1.0; 3]);
-    assert_eq!([0, 1, 2].map(|x| row.gradient(x, 0)[0]), [1.0, 1.5, 2.0]);
+    assert_eq!([0, 1, 2].map(|x| row.slopes(x, 0)[0]), [1.0, 1.5, 2.0]);
     let values = [0.0, 0.25, 0.5].map(|level| 1e9 + level);
     let row = Neighbourhood::new(None, &values, None, [3, 1], [1.0; 3]).scaled(2.0, 1e9);
-    assert_eq!([0, 1, 2].map(|x| row.gradient(x, 0)[0]), [0.5; 3]);
+    assert_eq!([0, 1, 2].map(|x| row.slopes(x, 0)[0]), [0.5; 3]);
     let ends = [f64::MIN, 0.0, f64::MAX];
     let row = Neighbourhood::new(None, &ends, None, [3, 1], [1e-9; 3]);
-    assert_eq!([0, 1, 2].map(|x| row.gradient(x, 0)[0]), [f64::MAX; 3]);
+    assert_eq!([0, 1, 2].map(|x| row.slopes(x, 0)[0]), [f64::MAX; 3]);
 }
 
 #[test]
@@ -426,7 +447,7 @@ fn gradients_and_normals_survive_extreme_ranges_and_spacings() {
         for spacing in [1e-310, 1e-30, 1.0, 1e30] {
             for (at, gradient) in gradients([4, 2, 2], [spacing; 3], checker(amplitude)) {
                 assert!(gradient.iter().all(|c| c.is_finite()));
-                assert!(magnitude(gradient).is_finite());
+                assert!(length(gradient).is_finite());
                 let normal = decode8(encode8(gradient));
                 let inside = (1..=2).contains(&at[0]);
                 assert_eq!(normal, [if inside { -1.0 } else { 0.0 }, 0.0, 0.0], "{amplitude} {spacing} {at:?}");
@@ -439,10 +460,10 @@ fn gradients_and_normals_survive_extreme_ranges_and_spacings() {
         assert!(decode16(encode16(gradient)).iter().all(|c| (c + 1.0 / 3f32.sqrt()).abs() < 1e-4));
     }
     for size in [1e-200, 1e-150, 1e-100, 1.0, 1e100, 1e150, 1e200] {
-        let length = magnitude([3.0 * size, 4.0 * size, 12.0 * size]);
-        assert!((length / size - 13.0).abs() < 1e-14, "{size} {length}");
+        let found = length([3.0 * size, 4.0 * size, 12.0 * size]);
+        assert!((found / size - 13.0).abs() < 1e-14, "{size} {found}");
     }
-    assert_eq!(magnitude([0.0; 3]), 0.0);
+    assert_eq!(length([0.0; 3]), 0.0);
 }
 
 #[test]
@@ -543,11 +564,11 @@ fn normals_of_axes_diagonals_and_fold_edges_are_right() {
         }
     }
     let close = |gradient: [f64; 3]| {
-        let length = magnitude(gradient);
+        let size = length(gradient);
         let (narrow, wide) = (decode8(encode8(gradient)), decode16(encode16(gradient)));
         for c in 0..3 {
-            assert!((f64::from(narrow[c]) + gradient[c] / length).abs() < 0.0112, "{gradient:?} {narrow:?}");
-            assert!((f64::from(wide[c]) + gradient[c] / length).abs() < 4.5e-5, "{gradient:?} {wide:?}");
+            assert!((f64::from(narrow[c]) + gradient[c] / size).abs() < 0.0112, "{gradient:?} {narrow:?}");
+            assert!((f64::from(wide[c]) + gradient[c] / size).abs() < 4.5e-5, "{gradient:?} {wide:?}");
         }
     };
     for bits in 0..8 {

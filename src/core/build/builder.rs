@@ -23,7 +23,8 @@ use super::visibility::VisibilityTest;
 use super::window::SliceWindow;
 use crate::arena::layout::Facts;
 use crate::arena::{OwnedLane, Region, Rows};
-use crate::classify::{TransferFunction, gradient};
+use crate::classify::TransferFunction;
+use crate::classify::gradient::GridAxes;
 use crate::error::Result;
 use crate::volume::{Axis, Header, SlabSource};
 use crate::with_sample_type;
@@ -155,7 +156,7 @@ pub(crate) fn survey(
     budget: &Budget,
     observer: &mut dyn Observer,
 ) -> Result<f64> {
-    let depth = header.grid.dims[2];
+    let (depth, axes) = (header.grid.dims[2], GridAxes::of(&header.grid));
     let mut largest = 0.0f64;
     let work = |(): &mut (), window: &SliceWindow, block: &RowBlock| {
         if !kept.zs.contains(&block.z) {
@@ -165,7 +166,7 @@ pub(crate) fn survey(
             let hood = window.values::<T>(block.z);
             let rows = block.rows.start.max(kept.ys.start)..block.rows.end.min(kept.ys.end);
             let places = rows.flat_map(|y| kept.xs.clone().map(move |x| (x as usize, y as usize)));
-            places.map(|(x, y)| gradient::magnitude(hood.gradient(x, y))).fold(0.0, f64::max)
+            places.map(|(x, y)| axes.magnitude(hood.slopes(x, y))).fold(0.0, f64::max)
         }))
     };
     let take = |block: &RowBlock, magnitude: f64| {
@@ -202,11 +203,11 @@ pub(crate) fn keep_visible(
                 GradientSource::None => scan.rows(block, row, &|_, _| [0.0; 3]),
                 GradientSource::Values => {
                     let hood = window.values::<T>(block.z);
-                    scan.rows(block, row, &|x, y| hood.gradient(x, y))
+                    scan.rows(block, row, &|x, y| hood.slopes(x, y))
                 }
                 GradientSource::Visibility => {
                     let hood = window.visibility(block.z);
-                    scan.rows(block, row, &|x, y| hood.gradient(x, y))
+                    scan.rows(block, row, &|x, y| hood.slopes(x, y))
                 }
             }
         }))

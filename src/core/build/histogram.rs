@@ -6,7 +6,8 @@ use super::options::GradientSource;
 use super::progress::{Observer, Phase, report};
 use super::sweep::{RowBlock, SweepSchedule, sweep};
 use super::window::SliceWindow;
-use crate::classify::{TransferFunction, gradient};
+use crate::classify::TransferFunction;
+use crate::classify::gradient::GridAxes;
 use crate::error::Result;
 use crate::volume::{Sample as _, SlabSource};
 use crate::{with_sample_type, with_samples};
@@ -142,7 +143,7 @@ impl Histogram {
         observer: &mut dyn Observer,
     ) -> Result<Vec<f64>> {
         let header = source.header().clone();
-        let [width, _, depth] = header.grid.dims;
+        let ([width, _, depth], axes) = (header.grid.dims, GridAxes::of(&header.grid));
         let mut sums = vec![(0.0, 0u64); parts.max(1)];
         let whole = TransferFunction::range(f64::NEG_INFINITY, f64::INFINITY)?;
         let work = |(): &mut (), window: &SliceWindow, block: &RowBlock| {
@@ -151,7 +152,7 @@ impl Histogram {
                 let (hood, samples) = (window.values::<T>(block.z), window.typed::<T>(block.z));
                 for (y, x) in block.rows.clone().flat_map(|y| (0..width).map(move |x| (y as usize, x as usize))) {
                     let raw = samples[y * width as usize + x].to_f64();
-                    let (value, slope) = (raw * header.slope + header.intercept, gradient::magnitude(hood.gradient(x, y)));
+                    let (value, slope) = (raw * header.slope + header.intercept, axes.magnitude(hood.slopes(x, y)));
                     if value.is_finite() && slope.is_finite() {
                         let part = self.bin(value) * sums.len() / self.counts.len();
                         sums[part] = (sums[part].0 + slope, sums[part].1 + 1);

@@ -9,7 +9,8 @@ use super::sweep::RowBlock;
 use super::visibility::VisibilityTest;
 use crate::arena::Region;
 use crate::arena::layout::Channels;
-use crate::classify::{gradient, normal};
+use crate::classify::gradient::{GridAxes, outward};
+use crate::classify::normal;
 use crate::volume::{Header, Sample};
 
 /// Number of samples whose range is compared with the visible range at once; most such blocks hold nothing visible.
@@ -26,16 +27,16 @@ pub(super) struct VisibleScan<'a, T> {
 }
 
 impl<T: Sample> VisibleScan<'_, T> {
-    /// Returns the visible voxels of a block, with statistics of its samples. `gradient` returns the gradient at (x, y);
+    /// Returns the visible voxels of a block, with statistics of its samples. `slopes` returns those at (x, y);
     /// `row` is a reused buffer.
     pub(super) fn rows(
         &self,
         block: &RowBlock,
         row: &mut RowArrays,
-        gradient: &dyn Fn(usize, usize) -> [f64; 3],
+        slopes: &dyn Fn(usize, usize) -> [f64; 3],
     ) -> (SpilledRows, SampleSummary) {
         let VisibleScan { samples: slice, header, test, channels, kept } = *self;
-        let dims = header.grid.dims.map(|points| points as usize);
+        let (dims, axes) = (header.grid.dims.map(|points| points as usize), GridAxes::of(&header.grid));
         let width = dims[0];
         let mut visible = SpilledRows::default();
         let ends = test.ends::<T>();
@@ -57,13 +58,13 @@ impl<T: Sample> VisibleScan<'_, T> {
                         continue;
                     }
                     if channels.magnitude_bits > 0 || channels.normal_bits > 0 {
-                        let mut gradient = gradient(x, y as usize);
-                        let outward = gradient::outward(dims, [x, y as usize, block.z as usize]);
+                        let mut slopes = slopes(x, y as usize);
+                        let outward = outward(dims, [x, y as usize, block.z as usize]);
                         let is_cut = outward.is_some() && test.shows_cut(test.value(sample));
                         if channels.magnitude_bits > 0 {
                             // Infinite on a cap: its magnitude follows when the range of the values is known (encoder.rs).
                             let magnitude =
-                                if is_cut && test.is_capped() { f64::INFINITY } else { gradient::magnitude(gradient) };
+                                if is_cut && test.is_capped() { f64::INFINITY } else { axes.magnitude(slopes) };
                             if !test.is_visible(test.value(sample), magnitude) {
                                 continue;
                             }
@@ -71,12 +72,12 @@ impl<T: Sample> VisibleScan<'_, T> {
                         }
                         // Around a cap, the outer half of the surface's transition is lit like the cap.
                         if let Some(outward) = outward.filter(|_| is_cut || test.is_capped()) {
-                            gradient = outward.map(|component| -component);
+                            slopes = outward.map(|component| -component);
                         }
                         match channels.normal_bits {
                             0 => {}
-                            8 => row.normals.extend_from_slice(&normal::encode8(gradient).to_le_bytes()),
-                            _ => row.normals.extend_from_slice(&normal::encode16(gradient).to_le_bytes()),
+                            8 => row.normals.extend_from_slice(&normal::encode8(axes.along(slopes)).to_le_bytes()),
+                            _ => row.normals.extend_from_slice(&normal::encode16(axes.along(slopes)).to_le_bytes()),
                         }
                     }
                     row.xs.push(u16::try_from(x).expect("a row has at most 65,535 samples"));

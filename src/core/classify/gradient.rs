@@ -5,7 +5,9 @@
 //! Values and their differences are computed in double precision, so that small differences of large values count, and no field and
 //! no spacing overflows or loses its direction.
 
-use crate::volume::Sample;
+use glam::{DMat3, DVec3};
+
+use crate::volume::{Grid, Sample};
 
 /// Upper bound of 1 / spacing. Its product with a difference of single-precision samples (up to 2^129) stays finite; that of others
 /// is limited.
@@ -58,14 +60,13 @@ impl<'a, T: Sample> Neighbourhood<'a, T> {
         }
     }
 
-    /// Returns the gradient at (`x`, `y`) along the index axes, in units per world length; always finite.
-    ///
-    /// To get components along the world axes, multiply by [`Grid::direction`](crate::volume::Grid).
+    /// Returns the slopes at (`x`, `y`) along the grid's axes, in units per world length; always finite. [`GridAxes`] says what gradient
+    /// has them.
     ///
     /// # Panics
     /// If `x` or `y` is not below its dimension.
     #[inline]
-    pub fn gradient(&self, x: usize, y: usize) -> [f64; 3] {
+    pub fn slopes(&self, x: usize, y: usize) -> [f64; 3] {
         let [width, height] = self.dims;
         assert!(x < width && y < height, "a sample inside the slice");
         let at = y * width + x;
@@ -96,9 +97,49 @@ pub(crate) fn outward(dims: [usize; 3], place: [usize; 3]) -> Option<[f64; 3]> {
     (direction != [0.0; 3]).then_some(direction)
 }
 
-/// Returns the length of a gradient, without overflow or underflow on the way.
+/// The directions of a grid's axes. Where they are at right angles, slopes along them are a gradient's components; in a sheared grid
+/// they are its dot products with the directions.
+#[derive(Debug, Clone, Copy)]
+pub struct GridAxes {
+    /// The inverse of the directions, if the grid is sheared: it takes world vectors to components along the axes.
+    from_world: Option<DMat3>,
+}
+
+impl GridAxes {
+    /// Returns the axes of a grid.
+    pub fn of(grid: &Grid) -> GridAxes {
+        let from_world = || DMat3::from_cols_array_2d(&grid.direction).inverse();
+        GridAxes { from_world: grid.is_sheared().then(from_world) }
+    }
+
+    /// Returns the length of the gradient with these slopes along the axes, in units per world length.
+    #[inline]
+    pub fn magnitude(&self, slopes: [f64; 3]) -> f64 {
+        match self.from_world {
+            None => length(slopes),
+            // Slopes are divided by their length first, so that nothing overflows on the way.
+            Some(from_world) => match length(slopes) {
+                0.0 => 0.0,
+                scale => scale * (from_world.transpose() * (DVec3::from_array(slopes) / scale)).length(),
+            },
+        }
+    }
+
+    /// Returns a vector along the axes that has the direction of the gradient with these slopes.
+    #[inline]
+    pub fn along(&self, slopes: [f64; 3]) -> [f64; 3] {
+        match (self.from_world, length(slopes)) {
+            (Some(from_world), scale) if scale > 0.0 => {
+                (from_world * (from_world.transpose() * (DVec3::from_array(slopes) / scale))).to_array()
+            }
+            _ => slopes,
+        }
+    }
+}
+
+/// Returns the length of a vector, without overflow or underflow on the way.
 #[inline]
-pub fn magnitude([x, y, z]: [f64; 3]) -> f64 {
+pub fn length([x, y, z]: [f64; 3]) -> f64 {
     let squared = x * x + y * y + z * z;
     if (1e-280..1e280).contains(&squared) {
         return squared.sqrt();

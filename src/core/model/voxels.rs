@@ -22,7 +22,7 @@ pub struct ModelVoxel {
     pub position: [u16; 3],
     /// Value in the volume's unit, as exact as the stored code of 8 or 16 bits.
     pub value: f64,
-    /// World vector opposite to the gradient, of length 1, unless the grid is sheared; `None` if the model stores no normals.
+    /// World vector of length 1 opposite to the gradient; `None` if the model stores no normals.
     pub normal: Option<[f32; 3]>,
 }
 
@@ -57,8 +57,8 @@ impl<'a> Voxels<'a> {
         self.facts.scales.value(self.lane.value_code(self.batch.record_index(index)).into())
     }
 
-    /// Returns the normal of voxel `index`: a world vector opposite to the gradient, of length 1, unless the grid is sheared;
-    /// `None` if the model stores none.
+    /// Returns the normal of voxel `index`: a world vector of length 1 opposite to the gradient, or 0 for none; `None` if the
+    /// model stores no normals.
     ///
     /// # Panics
     /// If `index` is not below [`Voxels::len`].
@@ -68,10 +68,9 @@ impl<'a> Voxels<'a> {
         if bits == 0 {
             return None;
         }
-        let along_axes = normal::decode(code, bits);
         #[expect(clippy::cast_possible_truncation, reason = "components have single precision")]
         let single = |component: f64| component as f32;
-        Some(self.facts.grid.world_from_axes(along_axes.map(f64::from)).map(single))
+        Some(self.facts.grid.world_normal(normal::decode(code, bits)).map(single))
     }
 
     /// Iterates over the voxels in visit order.

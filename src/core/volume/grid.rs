@@ -143,9 +143,13 @@ impl Grid {
     pub fn mean_spacing(&self) -> f64 {
         // Logarithms: the product of three tiny or huge spacings would underflow or overflow.
         let mean = (self.spacing.iter().map(|h| h.ln()).sum::<f64>() / 3.0).exp();
-        let volume = self.determinant().abs();
+        if self.is_sheared() { mean * self.determinant().abs().cbrt() } else { mean }
+    }
+
+    /// Returns whether the axes are not at right angles, as those of a CT scan with a tilted gantry.
+    pub fn is_sheared(&self) -> bool {
         // Directions of files are rounded: so small a difference is no shear.
-        if (volume - 1.0).abs() < 1e-6 { mean } else { mean * volume.cbrt() }
+        (self.determinant().abs() - 1.0).abs() >= 1e-6
     }
 
     /// Returns the volume of the cell that the directions span, negative if they are left-handed; 1 or -1 unless the
@@ -155,10 +159,11 @@ impl Grid {
         x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0]) + x[2] * (y[0] * z[1] - y[1] * z[0])
     }
 
-    /// Returns the world vector with these components along the grid's axes, in world length. Stored normals have such
-    /// components.
-    pub fn world_from_axes(&self, components: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|w| (0..3).map(|a| self.direction[a][w] * components[a]).sum())
+    /// Returns the world's unit vector of a normal, from its components along the grid's axes, in world length; 0 for none. Stored normals
+    /// have such components.
+    pub fn world_normal(&self, components: [f32; 3]) -> [f64; 3] {
+        let axes = DMat3::from_cols_array_2d(&self.direction);
+        (axes * DVec3::from_array(components.map(f64::from))).normalize_or_zero().to_array()
     }
 
     /// Returns the components of a world vector along the grid's axes, in world length.

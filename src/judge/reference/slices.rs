@@ -95,9 +95,9 @@ pub(super) struct Neighbours<'a> {
 }
 
 impl Neighbours<'_> {
-    /// Returns the gradient at (`x`, `y`) along the grid's axes, per world length; 0 where no neighbouring sample is
+    /// Returns the slopes at (`x`, `y`) along the grid's axes, per world length; 0 where no neighbouring sample is
     /// known.
-    pub(super) fn gradient(&self, x: usize, y: usize) -> [f64; 3] {
+    pub(super) fn slopes(&self, x: usize, y: usize) -> [f64; 3] {
         let [width, height] = self.dims;
         let at = |slice: Option<&[f64]>, x: Option<usize>, y: Option<usize>| match (slice, x, y) {
             (Some(slice), Some(x), Some(y)) if x < width && y < height => slice[y * width + x],

@@ -5,7 +5,8 @@
 //! values; the boundaries of regions are relative to the largest gradient of the volume; [`super::slices`] defines
 //! gradients and the directions of the volume's faces, which light the cuts of bodies.
 
-use adjsplat::classify::{Quantiser, TransferFunction, gradient};
+use adjsplat::classify::gradient::{GridAxes, length};
+use adjsplat::classify::{Quantiser, TransferFunction};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::MAX_DEPTH;
 use adjsplat::volume::{Grid, Header, SlabSource};
@@ -169,7 +170,7 @@ impl<'a> VoxelSweep<'a> {
     fn visible(&self, source: &mut dyn SlabSource) -> Result<(Vec<ReferenceVoxel>, [f64; 2])> {
         let (mut voxels, mut range) = (Vec::new(), [f64::INFINITY, f64::NEG_INFINITY]);
         let (low, high) = self.transfer.domain(f64::INFINITY);
-        let width = self.header.grid.dims[0] as usize;
+        let (width, axes) = (self.header.grid.dims[0] as usize, GridAxes::of(&self.header.grid));
         let is_capped = self.transfer.cap().is_some();
         for_each_slice(source, self.header, self.transfer, self.field, |z, values, neighbours| {
             for (index, &value) in values.iter().enumerate() {
@@ -181,13 +182,13 @@ impl<'a> VoxelSweep<'a> {
                     continue;
                 }
                 let (x, y) = (index % width, index / width);
-                let (slope, outward) = match self.field {
+                let (slopes, outward) = match self.field {
                     GradientField::Nothing => ([0.0; 3], [0.0; 3]),
-                    _ => (neighbours.gradient(x, y), neighbours.out_of_volume(x, y)),
+                    _ => (neighbours.slopes(x, y), neighbours.out_of_volume(x, y)),
                 };
                 // How opaque a cap is follows when the range of the values is known.
                 let is_cut = outward != [0.0; 3] && self.transfer.shows_cut(value);
-                let magnitude = if is_cut && is_capped { f64::INFINITY } else { gradient::magnitude(slope) };
+                let magnitude = if is_cut && is_capped { f64::INFINITY } else { axes.magnitude(slopes) };
                 let opacity = self.transfer.opacity(value, magnitude).clamp(0.0, 1.0);
                 if opacity <= 0.0 {
                     continue;
@@ -196,8 +197,8 @@ impl<'a> VoxelSweep<'a> {
                 let position = [narrow(x), narrow(y), narrow(z)];
                 let depth = depth(opacity) * self.per_depth;
                 let normal = match self.transfer.shaded() {
-                    true if is_cut || (is_capped && outward != [0.0; 3]) => against(outward.map(|c| -c)),
-                    true => against(slope),
+                    true if is_cut || (is_capped && outward != [0.0; 3]) => against(axes.along(outward.map(|c| -c))),
+                    true => against(axes.along(slopes)),
                     false => [0.0; 3],
                 };
                 if voxels.len() == voxels.capacity() {
@@ -232,21 +233,21 @@ fn make_room(voxels: &mut Vec<ReferenceVoxel>) -> Result<()> {
     voxels.try_reserve_exact(more).map_err(|_| Error::out_of_memory("the list of visible voxels", bytes))
 }
 
-/// Returns the unit vector opposite to the gradient `slope`; zero if the gradient is zero or not finite.
-fn against(slope: [f64; 3]) -> [f64; 3] {
-    let length = gradient::magnitude(slope);
-    if length > 0.0 && length.is_finite() { slope.map(|c| -c / length) } else { [0.0; 3] }
+/// Returns the unit vector opposite to a vector along the gradient; zero if it is zero or not finite.
+fn against(along: [f64; 3]) -> [f64; 3] {
+    let length = length(along);
+    if length > 0.0 && length.is_finite() { along.map(|c| -c / length) } else { [0.0; 3] }
 }
 
 /// Returns the largest gradient magnitude of all samples of the volume.
 fn largest_magnitude(source: &mut dyn SlabSource, header: &Header) -> Result<f64> {
     let mut largest = 0.0f64;
-    let width = header.grid.dims[0] as usize;
+    let (width, axes) = (header.grid.dims[0] as usize, GridAxes::of(&header.grid));
     // Only the gradient is used, not the opacity, so any function will do.
     let transfer = TransferFunction::range(0.0, 0.0)?;
     for_each_slice(source, header, &transfer, GradientField::Values, |_, values, neighbours| {
         for index in 0..values.len() {
-            largest = largest.max(gradient::magnitude(neighbours.gradient(index % width, index / width)));
+            largest = largest.max(axes.magnitude(neighbours.slopes(index % width, index / width)));
         }
         Ok(())
     })?;
