@@ -217,6 +217,23 @@ fn angles_of_view_from_none_to_all() {
     }
 }
 
+/// Mesa's llvmpipe, before version 25, ends the loops of an invocation after 65,535 turns: the last voxels of such lines were lost.
+#[test]
+fn a_line_of_as_many_voxels_as_a_line_may_have() {
+    let built = voxels([65_535, 1, 1], [1.0; 3], (0..65_535).map(|x| [x, 0, 0]).collect(), 0.3);
+    let mut views = Vec::new();
+    for at in [0.0, 65_534.0] {
+        views.push((parallel([at, 0.0, 0.0], [0.3, 0.2, 1.0], UP, 9.0), reference([33, 17])));
+    }
+    for at in [-3.0, 100.2, 40_000.7, 65_537.0] {
+        let projection = Projection::Perspective { fov: 60.0 };
+        let toward = if at < 32_768.0 { 65_534.0 } else { 0.0 };
+        let camera = Camera::new([at, 1.5, 2.5], [at + (toward - at).signum() * 4.0, 0.0, 0.0], UP, projection);
+        views.push((camera.unwrap(), reference([33, 17])));
+    }
+    check("a full line", &built, &views, 1e-3);
+}
+
 /// Gaps that need stepping voxels, ends of the longest line, along and across.
 #[test]
 fn the_longest_line_and_its_gaps() {

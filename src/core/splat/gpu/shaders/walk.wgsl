@@ -49,13 +49,8 @@ fn line_end(line: u32) -> u32 {
     return (line_ends[line >> 1u] >> (16u * (line & 1u))) & 0xffffu;
 }
 
-// Returns the step of a record from the word of `steps` that holds it.
-fn step_in(word: u32, record: u32) -> i32 {
-    return i32((word >> (8u * (record & 3u))) & 0xffu);
-}
-
 fn step_byte(record: u32) -> i32 {
-    return step_in(steps[record >> 2u], record);
+    return i32((steps[record >> 2u] >> (8u * (record & 3u))) & 0xffu);
 }
 
 fn coverage_code(record: u32) -> u32 {
@@ -82,6 +77,78 @@ fn write_voxel(slot: u32, at: i32, line: vec2<u32>, record: u32, step: i32) {
     }
     let z_coverage = xyz.z | (coverage_code(record) << 16u);
     voxels[slot] = vec4<u32>(xyz.x | (xyz.y << 16u), z_coverage, select(record, NO_RECORD, step == 0), 0u);
+}
+
+// The records of a line, and the slots of their voxels.
+struct Records {
+    first: u32,
+    count: u32,
+    first_slot: u32,
+    line: vec2<u32>,
+}
+
+// The two sides of a line that is visited from the eye's coordinate on. Below it, `low` records are left, the next of them at
+// `low_at`; above it, those from `high` on, the next of them at `high_at`.
+struct Sides {
+    low: u32,
+    high: u32,
+    low_at: i32,
+    high_at: i32,
+}
+
+// Returns the slot of the voxel that is visited as number `k`.
+fn slot_of(records: Records, k: u32, is_back_to_front: bool) -> u32 {
+    return select(records.first_slot + k, records.first_slot + records.count - 1u - k, is_back_to_front);
+}
+
+// Writes the voxel of record `k` of a line that is read from its low end, if there is one; returns its coordinate. The record
+// before is at `before`.
+fn visit(records: Records, k: u32, before: i32) -> i32 {
+    if k >= records.count {
+        return before;
+    }
+    let step = step_byte(records.first + k);
+    let at = before + distance(step);
+    write_voxel(slot_of(records, k, frame.fast_order == DESCENDING), at, records.line, records.first + k, step);
+    return at;
+}
+
+// Passes over the next record below the eye's coordinate; returns false if there is none.
+fn pass_below(records: Records, sides: ptr<function, Sides>) -> bool {
+    if (*sides).high >= records.count {
+        return false;
+    }
+    (*sides).high_at = (*sides).low_at + distance(step_byte(records.first + (*sides).high));
+    if (*sides).high_at >= frame.eye_ceil {
+        return false;
+    }
+    (*sides).low_at = (*sides).high_at;
+    (*sides).high++;
+    return true;
+}
+
+// Writes the voxel that is visited as number `k` from the eye's coordinate on, if there is one. Interleaved: the nearer voxel first; at
+// equal distance, the high one. Split: all voxels of the high side first.
+fn visit_nearer(records: Records, k: u32, sides: ptr<function, Sides>) {
+    if k >= records.count {
+        return;
+    }
+    let low_is_nearer = frame.fast_order == INTERLEAVED && (*sides).low_at + (*sides).high_at > frame.eye_twice;
+    let slot = slot_of(records, k, frame.is_back_to_front == 1u);
+    if (*sides).low > 0u && ((*sides).high >= records.count || low_is_nearer) {
+        (*sides).low--;
+        let record = records.first + (*sides).low;
+        let step = step_byte(record);
+        write_voxel(slot, (*sides).low_at, records.line, record, step);
+        (*sides).low_at -= distance(step);
+        return;
+    }
+    let record = records.first + (*sides).high;
+    write_voxel(slot, (*sides).high_at, records.line, record, step_byte(record));
+    (*sides).high++;
+    if (*sides).high < records.count {
+        (*sides).high_at += distance(step_byte(record + 1u));
+    }
 }
 
 @compute @workgroup_size(64)
@@ -122,53 +189,32 @@ fn walk(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     if first_slot > block.end_slot || count > block.end_slot - first_slot {
         return;
     }
-    let last_slot = first_slot + count - 1u;
-
+    // Four records a turn: llvmpipe before version 25 ends the loops of an invocation after 65,535 turns in all, and a line may have
+    // as many records.
+    let records = Records(first, count, first_slot, line);
     if frame.fast_order <= DESCENDING {
         var at = -1;
-        var word = 0u;
-        for (var k = 0u; k < count; k++) {
-            // A word has the steps of four records.
-            let record = first + k;
-            if k == 0u || (record & 3u) == 0u {
-                word = steps[record >> 2u];
-            }
-            let step = step_in(word, record);
-            at += distance(step);
-            write_voxel(select(first_slot + k, last_slot - k, frame.fast_order == DESCENDING), at, line, record, step);
+        for (var k = 0u; k < count; k += 4u) {
+            at = visit(records, k, at);
+            at = visit(records, k + 1u, at);
+            at = visit(records, k + 2u, at);
+            at = visit(records, k + 3u, at);
         }
         return;
     }
 
     // This visits the line from the eye's coordinate toward both ends.
-    var high = 0u;
-    var low_at = -1;
-    var high_at = -1;
-    while high < count {
-        high_at = low_at + distance(step_byte(first + high));
-        if high_at >= frame.eye_ceil {
+    var sides = Sides(0u, 0u, -1, -1);
+    loop {
+        if !pass_below(records, &sides) || !pass_below(records, &sides) || !pass_below(records, &sides) || !pass_below(records, &sides) {
             break;
         }
-        low_at = high_at;
-        high++;
     }
-    var low = high;
-    for (var k = 0u; k < count; k++) {
-        // Interleaved: the nearer voxel first; at equal distance, the high one. Split: all voxels of the high side
-        // first.
-        let low_is_nearer = frame.fast_order == INTERLEAVED && low_at + high_at > frame.eye_twice;
-        let slot = select(first_slot + k, last_slot - k, frame.is_back_to_front == 1u);
-        if low > 0u && (high >= count || low_is_nearer) {
-            low--;
-            let step = step_byte(first + low);
-            write_voxel(slot, low_at, line, first + low, step);
-            low_at -= distance(step);
-        } else {
-            write_voxel(slot, high_at, line, first + high, step_byte(first + high));
-            high++;
-            if high < count {
-                high_at += distance(step_byte(first + high));
-            }
-        }
+    sides.low = sides.high;
+    for (var k = 0u; k < count; k += 4u) {
+        visit_nearer(records, k, &sides);
+        visit_nearer(records, k + 1u, &sides);
+        visit_nearer(records, k + 2u, &sides);
+        visit_nearer(records, k + 3u, &sides);
     }
 }
