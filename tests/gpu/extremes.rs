@@ -1,9 +1,10 @@
 //! The extremes of tests/pictures/extremes on graphics devices: finite, the same every time, and the processor's picture; or,
 //! where the targets of quads are narrow, off by what is known of them.
 
+use adjsplat::Error;
 use adjsplat::build::Built;
 use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat};
-use adjsplat::splat::{Camera, Frame, Mode, Projection, Quality, Settings, cpu};
+use adjsplat::splat::{Camera, Frame, Mode, Projection, Quality, Settings, StopRequest, cpu};
 use adjsplat::traverse::{Sense, VoxelBox};
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;
@@ -214,6 +215,22 @@ fn angles_of_view_from_none_to_all() {
     for fov in [1e-6, 60.0, 170.0, 179.9] {
         let camera = Camera::new([11.5, 11.5, -9.0], [11.5; 3], UP, Projection::Perspective { fov }).unwrap();
         check(&format!("{fov} degrees"), &built, &[(camera, reference([40, 40]))], 1e-3);
+    }
+}
+
+/// A picture of half a minute went on after Ctrl-C.
+#[test]
+fn a_requested_stop_ends_drawing_and_the_next_picture_is_right() {
+    let built = phantom("gyroid", [24; 3], [1.0; 3], transfer(LIT_LAYERS), 8);
+    let (camera, settings) = (parallel([11.5; 3], [0.3, 0.4, 1.0], UP, 30.0), reference([40, 40]));
+    for compositor in compositors() {
+        let Some(mut renderer) = renderer(&built, compositor) else { continue };
+        let (wanted, _) = renderer.render(&camera, &settings).unwrap();
+        let (stop, made) = (StopRequest::default(), StopRequest::default());
+        made.make();
+        assert!(matches!(renderer.render(&camera, &settings.clone().with_stop(made)), Err(Error::Interrupted)));
+        let (frame, _) = renderer.render(&camera, &settings.clone().with_stop(stop)).unwrap();
+        assert!(bits(&frame) == bits(&wanted), "{compositor:?}");
     }
 }
 

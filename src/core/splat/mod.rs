@@ -369,8 +369,8 @@ impl Settings {
         Settings { level: level.into(), ..self }
     }
 
-    /// Stops drawing with [`Error::Interrupted`] once the request is made, within milliseconds, on the processor; graphics devices
-    /// draw on.
+    /// Stops drawing with [`Error::Interrupted`] once the request is made: within milliseconds on the processor, and on a graphics
+    /// device before its next chunk of voxels.
     pub fn with_stop(self, stop: impl Into<Option<StopRequest>>) -> Settings {
         Settings { stop: stop.into(), ..self }
     }

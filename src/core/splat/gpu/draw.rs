@@ -55,7 +55,7 @@ struct FrameDraw<'d, 'a, 'p> {
     pipelines: Arc<Pipelines>,
     parts: &'d [Part<'d>], // In the order in which they are composited.
     plan: MemoryPlan,
-    termination: f32,
+    settings: &'d Settings,
     blend: BlendMode,
     is_timed: bool,
     stats: &'d mut GpuStats,
@@ -78,7 +78,7 @@ pub(super) async fn frame(
         renderer,
         parts,
         plan,
-        termination: settings.termination(),
+        settings,
         blend: BlendMode::new(settings.mode, settings.sense),
         is_timed: matches!(output, FrameOutput::Frame(..)),
         stats,
@@ -186,7 +186,7 @@ impl FrameDraw<'_, '_, '_> {
     fn uniform(&self, shot: &Shot, window: [i32; 4]) -> FrameUniform {
         let looks = self.renderer.looks();
         let mut uniform = FrameUniform::new(shot, window, self.blend);
-        uniform.termination = self.termination;
+        uniform.termination = self.settings.termination();
         uniform.uses_magnitude = looks.on_device.uses_magnitude.into();
         uniform.mask_words = u32::try_from(mask_words(self.plan.slots.into())).expect("few words");
         uniform.scale_depths(looks.depth_factor(shot.view.mean_voxel));
@@ -344,6 +344,11 @@ impl FrameDraw<'_, '_, '_> {
             pass.set_bind_group(0, &group, &[]);
             pass.draw(0..6 * chunk.slot_count, 0..1);
         }
-        context.submit([encoder.finish()])
+        context.submit([encoder.finish()])?;
+        // A device in software takes seconds for what it is given at once; a card would wait for its next work.
+        if self.settings.stop.is_some() && self.renderer.resident.is_software {
+            context.wait()?;
+        }
+        self.settings.check_stop()
     }
 }
