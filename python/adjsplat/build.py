@@ -14,7 +14,7 @@ from . import _native
 from .arguments import byte_count, function, level_count, output_path, text, thread_count, whole
 from .arrays import Slices, is_array
 from .convert import TURNED
-from .data_array import placed
+from .data_array import is_of_xarray, placed
 from .model import Model
 from .transfer import TransferFunction, as_transfer
 
@@ -129,7 +129,7 @@ def build(
 
     * a numpy array (z, y, x) of any real number type, byte order and strides; whole slices are read in place;
     * a zarr or dask array, or anything with `shape`, `dtype` and slices, of which a few slices at a time are in memory;
-    * an xarray DataArray; its coordinates give what you do not give of spacing and origin, and must be regular;
+    * an xarray DataArray; its coordinates give what you do not give of its place, and must be regular;
     * a SimpleITK image, which brings its own spacing, origin, direction and frame;
     * a path, or a list or pattern of paths of slices, that `adj build` reads: DICOM, Zarr and OME-Zarr, TIFF, NRRD,
       MetaImage, NIfTI, VTK, SLC, raw; or `phantom:NAME`.
@@ -143,7 +143,7 @@ def build(
 
     The volume's place, in place of what its file says: `spacing`, `origin` (x, y, z) and `direction` (nine numbers, row
     after row, whose columns are the axes) as in SimpleITK. `frame` says in which world `origin` and `direction` are: "RAS"
-    (NIfTI) or "LPS" (SimpleITK, DICOM).
+    (NIfTI) or "LPS" (SimpleITK, DICOM). Without `direction`, the axes of an array are those of this world.
 
     What is stored: `lanes` ("x", "xy", "xyz"), `value_bits` (8 or 16) and `normal_bits` (0, 8 or 16); `levels`, a number of
     coarser levels of detail besides, or "auto".
@@ -180,12 +180,7 @@ def build(
         from SimpleITK import GetArrayViewFromImage
 
         volume = GetArrayViewFromImage(volume)
-    elif type(volume).__module__.partition(".")[0] == "xarray":
-        volume, spacing, origin, direction, own_unit, notes = placed(volume, spacing, origin, direction)
-        unit = own_unit if unit is None else unit
-        for note in notes:
-            warnings.warn(note, BuildWarning, stacklevel=2)
-    place = Place(spacing, origin, direction, frame, unit)
+    volume, place = placed_volume(volume, spacing, origin, direction, frame, unit)
     packing = Packing(lanes, value_bits, normal_bits, memory, threads, levels)
     if is_array(volume):
         of_files = (
@@ -218,6 +213,21 @@ def build(
     for line in lines:
         warnings.warn(line, BuildWarning, stacklevel=2)
     return Model(model, path)
+
+
+def placed_volume(
+    volume: Any, spacing: Any, origin: Any, direction: Any, frame: str, unit: str | None
+) -> tuple[Any, Place]:
+    """Returns a volume and its place; an xarray DataArray has its own, and is turned to the order z, y, x."""
+    if is_of_xarray(volume):
+        volume, spacing, origin, direction, own_unit, notes = placed(volume, spacing, origin, direction)
+        unit = own_unit if unit is None else unit
+        for note in notes:
+            warnings.warn(note, BuildWarning, stacklevel=3)
+    if direction is None and is_array(volume):
+        # The axes of an array are those of the named world; a file has its own.
+        direction = np.eye(3)
+    return volume, Place(spacing, origin, direction, frame, unit)
 
 
 def chosen_transfer(visible: Any, transfer: Any, labels: Any) -> str | None:

@@ -15,7 +15,8 @@ import numpy as np
 from . import _native
 from .arguments import byte_count, function, output_path, path_in_folder, thread_count, whole
 from .arrays import Slices, is_array
-from .build import BuildWarning, Packing, Place, chosen_transfer
+from .build import BuildWarning, Packing, Place, chosen_transfer, placed_volume
+from .data_array import in_order, is_of_xarray
 from .model import Model, open
 from .pictures import linear_picture
 from .render import Look, Renderer
@@ -325,10 +326,13 @@ class BrickPlan:
         chosen = chosen_transfer(visible, transfer, labels)
         if chosen is None or chosen == "file":
             raise ValueError("say what is visible: visible=(low, high), transfer= or labels= (but not of the file)")
-        place = Place(spacing, origin, direction, frame, unit)
+        ordered, place = placed_volume(array, spacing, origin, direction, frame, unit)
+        if is_of_xarray(array) and ordered.dims != array.dims:
+            # The caller cuts bricks out of it by position.
+            raise ValueError('the array has its dimensions in another order; give array.transpose("z", "y", "x")')
         packing = Packing(lanes, value_bits, normal_bits, None, None, levels)
         self._native = _native.Plan(
-            _source(array, place), chosen, packing, brick_sizes(slab, brick, partition), preview_step(preview)
+            _source(ordered, place), chosen, packing, brick_sizes(slab, brick, partition), preview_step(preview)
         )
 
     @classmethod
@@ -414,7 +418,9 @@ class BrickPlan:
 
 
 def as_volume(volume: Any) -> Any:
-    """Returns an array as it is, and a path or a list of paths as a volume in files."""
+    """Returns an array in the order z, y, x, and a path or a list of paths as a volume in files."""
+    if is_of_xarray(volume):
+        return in_order(volume)
     if is_array(volume) or isinstance(volume, VolumeFile):
         return volume
     if isinstance(volume, (str, os.PathLike, list, tuple)):

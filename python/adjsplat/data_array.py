@@ -25,6 +25,20 @@ class Placed(NamedTuple):
     notes: list[str]
 
 
+def is_of_xarray(volume: Any) -> bool:
+    """Returns whether `volume` is a DataArray; refuses what else xarray has."""
+    if type(volume).__module__.partition(".")[0] != "xarray":
+        return False
+    if not hasattr(volume, "coords") or hasattr(volume, "data_vars"):
+        raise TypeError(f"an xarray {type(volume).__name__} is no volume; give a DataArray, such as dataset[name]")
+    return True
+
+
+def in_order(array: Any) -> Any:
+    """Returns a DataArray with its dimensions in the order z, y, x, if these are their names."""
+    return array.transpose("z", "y", "x") if sorted(map(str, array.dims)) == ["x", "y", "z"] else array
+
+
 def placed(array: Any, spacing: Any, origin: Any, direction: Any) -> Placed:
     """Places a DataArray. Dimensions that are not called x, y and z keep their order.
 
@@ -33,11 +47,10 @@ def placed(array: Any, spacing: Any, origin: Any, direction: Any) -> Placed:
     obliquely, distances along its axes from the attribute `origin`. Without coordinates the attributes `spacing`, `origin`
     and `direction` hold, if all are there.
     """
-    if sorted(map(str, array.dims)) == ["x", "y", "z"]:
-        array = array.transpose("z", "y", "x")
+    array = in_order(array)
     names = list(reversed(array.dims))
     unit = _unit(array, names)
-    if len(names) != 3 or (spacing is not None and origin is not None):
+    if len(names) != 3:
         return Placed(array, spacing, origin, direction, unit, [])
     given = (spacing, origin, direction)
     written = _written(array)
@@ -51,7 +64,8 @@ def placed(array: Any, spacing: Any, origin: Any, direction: Any) -> Placed:
         base = written[2] if is_oblique else base
         usual = written[0] if is_oblique else written[0] * np.diag(written[2])
     notes: list[str] = []
-    axes = [_first_and_step(array, name, size, spacing is None) for name, size in zip(names, usual)]
+    needs = (origin is None, spacing is None)
+    axes = [_first_and_step(array, name, size, needs) for name, size in zip(names, usual)]
     unknown = [str(name) for name, (_, step) in zip(names, axes) if step is None]
     if unknown and spacing is None and written is None:
         notes.append(
@@ -84,12 +98,17 @@ def _written(array: Any) -> tuple[Any, Any, Any] | None:
     return parts[0], parts[1], parts[2].reshape(3, 3)
 
 
-def _first_and_step(array: Any, name: Any, usual: float, is_step_needed: bool) -> tuple[float, float | None]:
-    """Returns the first coordinate of a dimension and the step from one to the next, None where they tell none."""
+def _first_and_step(array: Any, name: Any, usual: float, needs: tuple[bool, bool]) -> tuple[float, float | None]:
+    """Returns the first coordinate of a dimension and the step from one to the next, None where they tell none.
+
+    `needs` says whether the first coordinate and the step are needed; coordinates that do not give them are then refused.
+    """
     if name not in array.coords:
         return 0.0, None
     places = np.asarray(array.coords[name])
     if places.dtype.kind not in "uif":
+        if not any(needs):
+            return 0.0, None
         raise ValueError(f"the coordinates of {name} are not numbers; give spacing and origin")
     places = places.astype(np.float64)
     if places.size < 2:
@@ -97,7 +116,7 @@ def _first_and_step(array: Any, name: Any, usual: float, is_step_needed: bool) -
     steps = np.diff(places)
     step = float(steps.mean())
     is_regular = np.isfinite(step) and step != 0 and bool((np.abs(steps - step) <= REGULAR * abs(step)).all())
-    if is_step_needed and not is_regular:
+    if needs[1] and not is_regular:
         raise ValueError(f"the coordinates of {name} are not regular; give spacing, or resample the array")
     return float(places[0]), usual if abs(step - usual) <= ROUNDED * abs(usual) else step
 

@@ -47,6 +47,12 @@ def test_the_grid_is_set_and_turned(volume):
     assert g.origin == (-4, -5, 6) and g.direction == (0, 1, 0, -1, 0, 0, 0, 0, 1)
 
 
+def test_an_array_without_a_direction_has_the_axes_of_the_frame(volume):
+    f = adj.build(volume, visible=(60, None), origin=(4, 5, 6), frame="LPS")
+    g = adj.build(volume, visible=(60, None), origin=(4, 5, 6), frame="LPS", direction=np.eye(3))
+    assert (f.affine == g.affine).all() and np.diag(f.affine).tolist() == [-1, -1, 1, 1]
+
+
 def test_what_is_visible(volume):
     count = lambda **chosen: adj.build(volume, **chosen).count
     assert count(visible=(60, 100)) == ((volume >= 60) & (volume <= 100)).sum()

@@ -91,6 +91,20 @@ def test_dask_builds_the_bytes_of_one_build(kind, dtype, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} <= left
 
 
+def test_dask_places_an_xarray_as_one_build_does(tmp_path):
+    pytest.importorskip("xarray")
+    mirror = np.diag([-1, 1, 1])
+    first = adj.build(blob(), visible=(60, None), spacing=(1, 1, 2), origin=(7, 8, 9), direction=mirror, unit="mm")
+    array = first.to_xarray()
+    whole = adj.build(array, tmp_path / "whole.adj", visible=(60, None))
+    assert (whole.affine == first.affine).all()
+    for name, given in (("same", array), ("turned", array.transpose("x", "y", "z")), ("lazy", array.chunk(z=7))):
+        adj.dask.build(given, tmp_path / f"{name}.adj", slab=6, visible=(60, None))
+        assert bytes_of(tmp_path / f"{name}.adj") == bytes_of(tmp_path / "whole.adj")
+    with pytest.raises(ValueError, match="dimensions in another order"):
+        adj.BrickPlan(array.transpose("x", "y", "z"), slab=6, visible=(60, None))
+
+
 def test_what_cannot_be_built_leaves_nothing(tmp_path):
     array = blob()
     with pytest.raises(ValueError, match="nothing is visible"):

@@ -180,6 +180,8 @@ def test_an_xarray_keeps_its_axes_whatever_of_its_place_is_given(volume):
     assert g.spacing == (2, 2, 2) and g.origin == (0, 0, 0)
     h = adj.build(array, direction=np.diag([-1, 1, 1]))
     assert h.spacing == (2, 2, 2) and h.origin == (3, 3, 3) and h.direction[0] == -1
+    for mirrored in (array[::-1], h.to_xarray().drop_vars("x")):
+        assert adj.build(mirrored, spacing=(1, 2, 3), origin=(0, 0, 0)).direction == h.direction
 
 
 def test_coordinates_that_are_no_numbers_are_refused(volume):
