@@ -121,12 +121,13 @@ class Voxels:
     def dtype(self) -> np.dtype:
         """The type that values are handed out in: the smallest of whole numbers that holds all, else a float.
 
-        It is float64 if the volume was, or if single precision would not tell the values apart.
+        It is float64 if the volume was, if single precision would not tell the values apart, or if it would round them by
+        more than a small part of `attrs["values"]["rounding"]`.
         """
         low, step = self._open.value_scale
         high = low + step * (2 ** self._open.bits[0] - 1)
-        highest = self._description.get("values", {})
-        highest = highest.get("highest") if isinstance(highest, dict) else None
+        values = self._description.get("values")
+        highest, rounding = (values.get(name) if isinstance(values, dict) else None for name in ("highest", "rounding"))
         if isinstance(highest, (int, float)) and low <= highest < high:
             high = float(highest)
         if float(low).is_integer() and float(step).is_integer():
@@ -134,11 +135,15 @@ class Voxels:
                 if np.iinfo(name).min <= min(low, 0) and high <= np.iinfo(name).max:
                     return np.dtype(name)
         source = self._description.get("source")
-        if isinstance(source, dict) and source.get("sample_type") == "f64":
+        sample_type = source.get("sample_type") if isinstance(source, dict) else None
+        if sample_type == "f64":
             return np.dtype("float64")
         # Single precision keeps codes apart unless they are far from 0, by their distances, or very small.
         largest = max(abs(low), abs(high))
         is_fine = step == 0 or largest / step < 2**22
+        if sample_type != "f32" and isinstance(rounding, (int, float)) and rounding > 0:
+            # It rounds by up to largest / 2**24: here at most a sixteenth of the build's rounding.
+            is_fine = is_fine and largest / 2**20 <= rounding
         return np.dtype("float32" if is_fine and (largest == 0 or 1e-30 < largest < 1e38) else "float64")
 
     @property

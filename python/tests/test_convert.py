@@ -202,6 +202,13 @@ def test_one_slice_of_an_xarray_is_warned_about(volume):
         assert adj.build(array[3:4]).origin == (0, 0, 6)
 
 
+def test_large_whole_numbers_are_as_exact_as_the_model_says():
+    array = np.array([[[1833471437, 1833471440, 2147483646]]], np.int32)
+    f = adj.build(array, visible=(1833471437, None))
+    error = np.abs(f.values() - array.ravel().astype(np.float64)).max()
+    assert f.dtype == np.float64 and error <= f.attrs["values"]["rounding"] < 10
+
+
 def test_values_of_double_precision_stay_apart():
     for low, step in ((0, 1e-60), (1e9, 0.01), (0.1, 0.1)):
         array = low + step * np.arange(60.0).reshape(3, 4, 5)
