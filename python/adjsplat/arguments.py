@@ -9,6 +9,8 @@ import reprlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
+
 
 def path_in_folder(out: str | os.PathLike[str]) -> str:
     """Returns the absolute path of an output, if its folder is there."""
@@ -94,6 +96,26 @@ def whole(name: str, number: Any) -> int:
         raise TypeError(f"{name} must be a whole number, not {number!r}") from None
 
 
+def whole_within(name: str, number: Any, low: int, high: int) -> int:
+    """Returns a whole number from `low` to `high`.
+
+    >>> whole_within("skip", -1, 0, 9)
+    Traceback (most recent call last):
+    ValueError: skip is -1, but must be 0 to 9
+    """
+    found = whole(name, number)
+    if not low <= found <= high:
+        raise ValueError(f"{name} is {reprlib.repr(found)}, but must be {low} to {high}")
+    return found
+
+
+def truth(name: str, value: Any) -> bool:
+    """Returns a truth value."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name} must be True or False, not {reprlib.repr(value)}")
+    return bool(value)
+
+
 def number(name: str, value: Any) -> float:
     """Returns a real number of any type as a float.
 
@@ -128,4 +150,6 @@ def text(name: str, value: Any) -> str:
     """Returns a string."""
     if not isinstance(value, str):
         raise TypeError(f"{name} must be a string, not {value!r}")
+    if not value.isascii() and any("\ud800" <= sign <= "\udfff" for sign in value):
+        raise ValueError(f"{name} is {value!r}, but must be text without lone surrogates")
     return value

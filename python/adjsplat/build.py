@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
+import reprlib
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from . import _native
-from .arguments import byte_count, function, level_count, output_path, text, thread_count, whole
+from .arguments import byte_count, function, level_count, output_path, text, thread_count, truth, whole, whole_within
 from .arrays import Slices, is_array
 from .convert import TURNED
 from .data_array import is_of_xarray, placed
@@ -59,15 +60,21 @@ class Reading:
             raise ValueError("shape and dtype describe a file without a header; give both")
         self.raw = None
         if shape is not None:
-            z, y, x = _whole("shape", shape)
+            z, y, x = _sides(shape)
             dtype = np.dtype(dtype)
             if dtype.kind not in "uif":
                 raise TypeError(f"dtype is {dtype}, but must be of whole or floating-point numbers")
             order = "be" if dtype.str[0] == ">" else "le"
             self.raw = ([x, y, z], f"{dtype.kind}{8 * dtype.itemsize}{order}")
-        self.skip, self.volume, self.level = skip, volume, level
-        self.series = None if series is None else str(series)
-        self.outside_files, self.unscaled = outside_files, unscaled
+        self.skip = whole_within("skip", skip, 0, 2**64 - 1)
+        self.volume = whole_within("volume_index", volume, 0, 2**32 - 1)
+        self.level = whole_within("level", level, 0, 2**32 - 1)
+        self.series = (
+            None
+            if series is None
+            else text("series", series if isinstance(series, str) else str(whole("series", series)))
+        )
+        self.outside_files, self.unscaled = truth("outside_files", outside_files), truth("unscaled", unscaled)
 
 
 class Packing:
@@ -283,8 +290,10 @@ def _numbers(name: str, numbers: Any, count: int) -> np.ndarray | None:
     return array
 
 
-def _whole(name: str, numbers: Any) -> list[int]:
-    found = [whole(name, number) for number in numbers]
-    if len(found) != 3 or min(found) < 0:
-        raise ValueError(f"{name} must be three whole numbers (z, y, x), not {numbers!r}")
-    return found
+def _sides(shape: Any) -> list[int]:
+    need = f"shape must be three whole numbers (z, y, x), not {reprlib.repr(shape)}"
+    if isinstance(shape, (str, bytes)) or not isinstance(shape, Sequence | np.ndarray):
+        raise TypeError(need)
+    if len(shape) != 3:
+        raise ValueError(need)
+    return [whole_within("a side of shape", points, 1, 65535) for points in shape]

@@ -17,7 +17,7 @@ import numpy as np
 
 from . import _native
 from ._optional import needed
-from .arguments import byte_count, output_path, path_in_folder
+from .arguments import byte_count, output_path, path_in_folder, whole_within
 from .build import BuildWarning
 from .collection import BrickPlan, BrickRenderer, Collection, as_volume, building_folder, finished, put_together
 from .model import Model
@@ -58,7 +58,7 @@ def build(
     path = output_path(out) if is_file else path_in_folder(os.fsdecode(out).rstrip("/"))
     if slab is None and brick is None:
         raise ValueError("give slab, the slices of a brick along z, or brick, its points (z, y, x)")
-    limit = byte_count(memory)
+    limit, retries = byte_count(memory), whole_within("retries", retries, 0, 2**31 - 1)
     # Slices of a Dask array are tasks themselves, those of a numpy array travel, and parts of files are read late; slices of
     # other arrays are read where they are needed.
     is_sliced = isinstance(array, (np.ndarray, VolumeFile)) or hasattr(array, "__dask_graph__")

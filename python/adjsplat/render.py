@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from . import _native
-from .arguments import byte_count, number, optional_number, text, thread_count, whole
+from .arguments import byte_count, number, optional_number, text, thread_count, truth, whole, whole_within
 from .indices import covered, expanded
 from .model import Model, open
 from .pictures import linear_colour, over, to_srgb8
@@ -46,9 +46,7 @@ class Look:
         self.size = [columns, rows]
         self.quality, self.mode = text("quality", quality), text("mode", mode)
         self.sampling = None if sampling is None else text("sampling", sampling)
-        if not isinstance(lighting, (bool, np.bool_)):
-            raise TypeError(f"lighting must be True or False, not {reprlib.repr(lighting)}")
-        self.lighting = bool(lighting)
+        self.lighting = truth("lighting", lighting)
         self.exposure = optional_number("exposure", exposure)
         if self.exposure is not None and self.mode != "xray":
             raise ValueError(f'exposure is the brightness of mode "xray"; leave it out for "{self.mode}"')
@@ -56,9 +54,7 @@ class Look:
         self.threads = thread_count(threads)
         self.crop = None if crop is None else _crop(model, crop)
         self.clip = None if clip is None else _clip(clip)
-        self.level = None if level is None else whole("level", level)
-        if self.level is not None and self.level < 0:
-            raise ValueError(f"level is {level}, but must be 0 for the voxels themselves, or above")
+        self.level = None if level is None else whole_within("level", level, 0, 15)
 
 
 def _crop(model: Any, crop: Any) -> list[list[int]]:

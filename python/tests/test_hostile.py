@@ -207,7 +207,7 @@ def test_paths_that_are_no_files_raise(tmp_path):
             adj.open(path)
 
 
-def test_a_block_larger_than_memory_raises(tmp_path):
+def test_a_block_beyond_the_volume_takes_no_memory(tmp_path):
     class Sparse:
         shape, dtype, chunks = (3000, 10, 60_000), np.dtype("u1"), (1, 10, 60_000)
 
@@ -217,8 +217,8 @@ def test_a_block_larger_than_memory_raises(tmp_path):
             return plane
 
     f = adj.build(Sparse(), visible=(1, None), lanes="x")
-    with pytest.raises(MemoryError):
-        f.block((0, 0, 0), (2**30, 2**20, 2**10))
+    with pytest.raises(ValueError, match="beyond the volume"):
+        f.block((0, 0, 0), (2**30, 2**20, 2**10), fill=1)
     with pytest.raises(ValueError, match="beyond the volume"):
         f.block((0, 0, 0), (1, 11, 1))
     with pytest.raises(ValueError, match="beyond the volume"):
@@ -288,6 +288,32 @@ ARGUMENTS = {
         ValueError,
         "beyond all sample types",
     ),
+    "a negative skip": (lambda f: raw(skip=-1), ValueError, "skip is -1, but must be 0 to 18446744073709551615"),
+    "a skip with a point": (lambda f: raw(skip=1e3), TypeError, "skip must be a whole number, not 1000.0"),
+    "a skip of text": (lambda f: raw(skip="198"), TypeError, "skip must be a whole number, not '198'"),
+    "a negative volume": (
+        lambda f: raw(volume_index=-1),
+        ValueError,
+        "volume_index is -1, but must be 0 to 4294967295",
+    ),
+    "a level of text": (lambda f: raw(level="1"), TypeError, "level must be a whole number, not '1'"),
+    "a series with a fraction": (lambda f: raw(series=1.5), TypeError, "series must be a whole number, not 1.5"),
+    "outside files in words": (
+        lambda f: raw(outside_files="no"),
+        TypeError,
+        "outside_files must be True or False, not 'no'",
+    ),
+    "unscaled by a number": (lambda f: raw(unscaled=1), TypeError, "unscaled must be True or False, not 1"),
+    "a shape beyond all": (lambda f: raw(shape=(10**30, 1, 1)), ValueError, "a side of shape is 1000000000000"),
+    "a shape of one number": (lambda f: raw(shape=5), TypeError, "shape must be three whole numbers (z, y, x), not 5"),
+    "a level beyond all": (lambda f: adj.render(f, level=10**30), ValueError, "level is 1000000000000"),
+    "half a character": (
+        lambda f: adj.build(ONES, visible=(1, 2), unit="\ud800"),
+        ValueError,
+        "unit is '\\ud800', but must be text without lone surrogates",
+    ),
+    "retries of text": (lambda f: dask_build(retries="a"), TypeError, "retries must be a whole number, not 'a'"),
+    "negative retries": (lambda f: dask_build(retries=-1), ValueError, "retries is -1, but must be 0 to"),
     "a text as an end": (lambda f: adj.build(ONES, visible=("1", None)), TypeError, "low must be a number, not '1'"),
     "one end": (lambda f: adj.build(ONES, visible=1), TypeError, "visible must be two values"),
     "a unit that is a number": (lambda f: adj.build(ONES, visible=(1, 2), unit=3), TypeError, "unit must be a string"),
@@ -357,6 +383,14 @@ ARGUMENTS = {
         "the numbers of a transfer function must be finite",
     ),
 }
+
+
+def raw(**options):
+    return adj.build("v.raw", visible=(1, None), **{"shape": (4, 5, 6), "dtype": "u1"} | options)
+
+
+def dask_build(**options):
+    return adj.dask.build(ONES, "a.adjs", slab=2, visible=(1, None), **options)
 
 
 def plan():
