@@ -20,6 +20,13 @@ def is_array(volume: Any) -> bool:
     return hasattr(volume, "shape") and hasattr(volume, "dtype") and hasattr(volume, "__getitem__")
 
 
+def refuse_masked(name: str, array: Any) -> None:
+    """Refuses an array whose mask would be ignored."""
+    # Dask tells by this empty array what its blocks are.
+    if isinstance(array, np.ma.MaskedArray) or isinstance(getattr(array, "_meta", None), np.ma.MaskedArray):
+        raise TypeError(f"{name} is masked; fill its masked values first: array.filled(0)")
+
+
 class Slices:
     """Hands out the slices of an array (z, y, x), contiguous and in this machine's byte order.
 
@@ -28,9 +35,7 @@ class Slices:
     """
 
     def __init__(self, array: Any, memory: int | None):
-        # Dask tells by this empty array what its blocks are.
-        if isinstance(array, np.ma.MaskedArray) or isinstance(getattr(array, "_meta", None), np.ma.MaskedArray):
-            raise TypeError("the array is masked; fill its masked values first: array.filled(0)")
+        refuse_masked("the array", array)
         shape = tuple(array.shape)
         if len(shape) != 3:
             raise ValueError(f"the array has {len(shape)} dimensions, but a volume has 3: z, y, x")

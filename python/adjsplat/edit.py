@@ -10,8 +10,9 @@ import numpy as np
 
 from . import _native
 from .arguments import byte_count, function, level_count, output_path, thread_count
+from .arrays import refuse_masked
 from .build import BuildWarning, Progress
-from .model import Model, with_look_of
+from .model import Model, with_look
 
 #: Voxels whose places in a mask are looked up at once.
 LOOKED_UP = 1 << 20
@@ -58,6 +59,7 @@ class Edit:
     def remove(self, mask: Any) -> Edit:
         """Removes voxels: where a boolean array of the volume's shape is true; or, with one boolean for each visible voxel
         in the order of `Model.coordinates`, these; or those at integer coordinates (n, 3). Others stay."""
+        refuse_masked("mask", mask)
         mask = np.asarray(mask)
         if mask.dtype != bool:
             positions = self._positions(mask)
@@ -94,6 +96,8 @@ class Edit:
         """
         path = output_path(path)
         native = self._model._open
+        # Progress may close the model.
+        look = native.transfer
         wanted = level_count(levels)
         resources = byte_count(memory), thread_count(threads)
         progress = function("progress", progress)
@@ -103,7 +107,7 @@ class Edit:
         if left_out and levels is None:
             note = f"the {left_out} levels of detail of the file are left out; levels={left_out} makes them anew"
             warnings.warn(note, BuildWarning, stacklevel=2)
-        return with_look_of(Model(saved, path), self._model)
+        return with_look(Model(saved, path), look)
 
     def _visible_in(self, mask: np.ndarray) -> np.ndarray:
         """Returns the voxels, visible or added so far, where a dense mask is true; a part of them at a time is looked up."""
@@ -112,6 +116,7 @@ class Edit:
         return np.concatenate([voxels[0][:0], *(part[mask[tuple(part.T)]] for part in parts)])
 
     def _positions(self, coordinates: Any) -> np.ndarray:
+        refuse_masked("coordinates", coordinates)
         positions = np.asarray(coordinates)
         if positions.size == 0:
             return np.empty((0, 3), np.uint32)
@@ -129,6 +134,7 @@ class Edit:
 
 
 def _broadcast(name: str, numbers: Any, shape: tuple[int, ...]) -> np.ndarray:
+    refuse_masked(name, numbers)
     array = np.asarray(numbers)
     if array.dtype.kind not in "uif":
         raise TypeError(f"{name} are {array.dtype}, but must be real numbers")

@@ -112,8 +112,9 @@ class Model(Voxels):
         path = output_path(path)
         if verify:
             self.verify()
-        self._open.save(path)
-        return with_look_of(open(path), self)
+        native = self._open
+        native.save(path)
+        return with_look(open(path), native.transfer)
 
     # --- Levels of detail
 
@@ -208,18 +209,14 @@ class Model(Voxels):
         return f"<adjsplat.Model {z} x {y} x {x} (z, y, x), {self.count} visible voxels, {where}>"
 
 
-def with_look_of(model: Model, other: Model) -> Model:
-    """Returns the voxels of `model`, drawn with the transfer function of `other`."""
-    return _with_text(model, other._open.transfer)
-
-
 def _reopened(path: str, transfer: str, mapped: bool) -> Model:
-    return _with_text(open(path, mapped=mapped), transfer)
+    return with_look(open(path, mapped=mapped), transfer)
 
 
 def _loaded(data: bytes, transfer: str) -> Model:
-    return _with_text(Model(_native.Model.from_bytes(data), None), transfer)
+    return with_look(Model(_native.Model.from_bytes(data), None), transfer)
 
 
-def _with_text(model: Model, transfer: str) -> Model:
+def with_look(model: Model, transfer: str) -> Model:
+    """Returns the voxels of `model`, drawn with the transfer function of this JSON."""
     return model if model._open.transfer == transfer else model.with_transfer(TransferFunction(transfer))

@@ -75,6 +75,13 @@ def test_a_mask_of_voxels(model, tmp_path):
     assert (g.coordinates() == model.coordinates()[bright]).all()
 
 
+def test_a_model_may_be_closed_while_its_edit_is_saved(file, tmp_path):
+    f = adj.open(file).with_transfer(adj.TransferFunction.range(150))
+    look = f.transfer
+    g = f.edit().remove([[0, 0, 0]]).save(tmp_path / "g.adj", progress=lambda *_: f.close())
+    assert f.closed and g.transfer == look and g.count > 0
+
+
 def test_normals_are_stored(model, tmp_path):
     normal = np.array([[3.0, 0, 4.0], [0, -2.0, 0]])
     g = model.edit().add([[0, 0, 0], [0, 0, 5]], 100, normals=normal).add([[0, 0, 9]], 100).save(tmp_path / "g.adj")
@@ -121,6 +128,10 @@ def test_values_above_all_others_keep_their_type(tmp_path):
         (lambda e: e.add([[0, 0, 0]], -1), ValueError),
         (lambda e: e.add([[0, 0, 0]], 100, normals=[1, 0]), ValueError),
         (lambda e: e.add([[0, 0, 0]], 100, magnitudes=1), ValueError),
+        (lambda e: e.add(np.ma.masked_less([[0, 0, 0]], 1), 100), TypeError),
+        (lambda e: e.add([[0, 0, 0]], np.ma.masked_less([100], 200)), TypeError),
+        (lambda e: e.remove(np.ma.masked_less([[0, 0, 0]], 1)), TypeError),
+        (lambda e: e.remove(np.ma.masked_array(np.ones((20, 24, 28), bool), True)), TypeError),
         (lambda e: e.remove(np.ones((2, 2, 2), bool)), ValueError),
         (lambda e: e.remove(np.ones(7, bool)), ValueError),
         (lambda e: e.remove(np.ones((20, 24, 28), bool)), ValueError),
