@@ -162,7 +162,9 @@ class Voxels:
         return out[: _native.read_positions(self._open, out)]
 
     def nonzero(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Returns the positions as `numpy.nonzero` of the dense array would: three arrays z, y, x.
+        """Returns the positions of the visible voxels as three arrays z, y, x, in the order of `numpy.nonzero`.
+
+        They are those of the dense array's values other than 0, unless a visible voxel has the value 0.
 
         >>> all((a == b).all() for a, b in zip(f.nonzero(), np.nonzero(f.to_numpy())))
         True
@@ -215,6 +217,8 @@ class Voxels:
         if isinstance(fill, int) and abs(fill) > 2**53:
             raise ValueError(f"fill is beyond {dtype}: choose another number")
         is_whole = float(fill).is_integer()
+        if dtype.kind == "f" and float(np.finfo(dtype).max) < abs(float(fill)) < math.inf:
+            raise ValueError(f"{dtype} does not hold {fill:g}, which is to fill the block: choose another dtype")
         if dtype.kind != "f" and not (is_whole and np.iinfo(dtype).min <= fill <= np.iinfo(dtype).max):
             raise ValueError(f"{dtype} does not hold {fill}, which is to fill the block: choose another dtype")
         out = np.zeros(shape, dtype) if fill == 0 else np.full(shape, fill, dtype)
@@ -251,8 +255,10 @@ class Voxels:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         if copy is False:
             raise ValueError("a model stores no dense array, so one cannot be had without a copy")
-        dense = self.to_numpy()
-        return dense if dtype is None else dense.astype(dtype, copy=False)
+        wanted = self.dtype if dtype is None else np.dtype(dtype)
+        # Other types than those of `to_numpy` are numpy's to convert to.
+        dense = self.to_numpy(dtype=wanted if wanted.newbyteorder("=") in _NATIVE else None)
+        return dense.astype(wanted, copy=False)
 
     def __dask_tokenize__(self) -> tuple[Any, ...]:
         return "adjsplat.Model", self._open.fingerprint

@@ -229,7 +229,8 @@ def test_a_block_beyond_the_volume_takes_no_memory(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("dtype", "fill"), [("u1", -1), ("u1", 300), ("u1", 0.5), ("c8", 0), ("S1", 0), ("i8", 0), ("u1", np.nan)]
+    ("dtype", "fill"),
+    [("u1", -1), ("u1", 300), ("u1", 0.5), ("c8", 0), ("S1", 0), ("i8", 0), ("u1", np.nan), ("f4", 1e300)],
 )
 def test_blocks_of_other_types_raise(model, dtype, fill):
     with pytest.raises((ValueError, TypeError, OverflowError)):

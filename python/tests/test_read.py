@@ -40,6 +40,9 @@ def test_positions_values_and_nonzero_follow_numpy(model, volume):
     assert all((a == b).all() for a, b in zip(model.nonzero(), np.nonzero(dense), strict=True))
     assert (model.values() == dense[np.nonzero(dense)]).all()
     assert (model.to_numpy(dtype=np.float32, fill=-5) == np.where(dense, dense.astype(int), -5)).all()
+    for dtype in ("i1", ">i2", "f4", "f8"):
+        assert (np.asarray(model, dtype=dtype) == model.to_numpy(dtype=dtype)).all()
+    assert np.asarray(model, dtype="i1").max() == 127 and np.asarray(model, dtype="i8").max() == dense.max()
     assert np.isnan(model.to_numpy(dtype=np.float32, fill=np.nan)).sum() == (dense == 0).sum()
 
 
