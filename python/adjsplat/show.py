@@ -77,6 +77,8 @@ def show(
     """
     anywidget, traitlets = needed("anywidget", "show"), needed("traitlets", "show")
     renderer = Renderer(f, transfer=transfer, device=device)
+    if "dtype" in options:
+        raise TypeError("show takes no dtype: its pictures are PNGs of 8 bits; leave it out")
     still = options.pop("quality", "standard")
 
     class View(anywidget.AnyWidget):  # type: ignore[name-defined]

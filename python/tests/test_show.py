@@ -24,6 +24,8 @@ def test_the_widget_draws_what_its_view_says(model, tmp_path):
     assert adj.compare(drawn(azimuth=50, elevation=10, zoom=2), shown()).display_max_abs == 0 and widget.drawn == 0.25
     widget.view = [50.0, 10.0, 2.0, 1.0, 0.5]
     assert adj.compare(drawn(azimuth=50, elevation=10, zoom=2, quality="draft"), shown()).display_max_abs == 0
+    with pytest.raises(TypeError, match="show takes no dtype"):
+        adj.show(model, device="cpu", dtype="uint8")
     # The page waits for `drawn`, which comes also where a picture cannot be drawn.
     with pytest.raises(ValueError):
         widget.view = [50.0, 10.0, -2.0, 0.0, 0.75]
