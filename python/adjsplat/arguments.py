@@ -12,9 +12,23 @@ from typing import Any
 import numpy as np
 
 
+def path_text(path: Any) -> str:
+    """Returns a path as text.
+
+    >>> path_text(b"a.adj")
+    'a.adj'
+    """
+    if not isinstance(path, (str, bytes, os.PathLike)):
+        raise TypeError(f"a path must be a string, bytes or an os.PathLike, not {type(path).__name__}")
+    text = os.fsdecode(path)
+    if "\0" in text:
+        raise ValueError(f"a path cannot have the character NUL: {text!r}")
+    return text
+
+
 def path_in_folder(out: str | os.PathLike[str]) -> str:
     """Returns the absolute path of an output, if its folder is there."""
-    path = os.path.abspath(os.fsdecode(out))
+    path = os.path.abspath(path_text(out))
     folder = os.path.dirname(path)
     if not os.path.isdir(folder):
         raise FileNotFoundError(errno.ENOENT, "there is no such folder", folder)
@@ -24,6 +38,8 @@ def path_in_folder(out: str | os.PathLike[str]) -> str:
 def output_path(out: str | os.PathLike[str], files: Sequence[str] = ()) -> str:
     """Returns the absolute path of the output, if it would replace nothing but an .adj file."""
     path = path_in_folder(out)
+    if path_text(out).endswith(("/", os.sep)):
+        raise ValueError(f"{path_text(out)} names a folder; give a file name")
     if os.path.isfile(path) and os.path.getsize(path):
         if any(os.path.exists(file) and os.path.samefile(file, path) for file in files):
             raise ValueError(f"{path} is the volume itself, which the model would replace; give another name")
@@ -62,9 +78,9 @@ def level_count(levels: int | str | None) -> int | str:
     >>> level_count(None), level_count(3), level_count("auto")
     (0, 3, 'auto')
     """
-    if levels is None or levels == "none":
+    if levels is None or isinstance(levels, str) and levels == "none":
         return 0
-    if levels == "auto":
+    if isinstance(levels, str) and levels == "auto":
         return "auto"
     if isinstance(levels, str) or not 0 <= (count := whole("levels", levels)) <= 15:
         raise ValueError(f'levels are {levels!r}, but must be 0 to 15 or "auto"')

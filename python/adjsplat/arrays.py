@@ -78,8 +78,6 @@ class Slices:
             self.slab = None
             self.first = z - z % self.depth
             self.slab = np.asarray(self.array[self.first : self.first + self.depth])
-            if self.slab.shape[1:] != self.shape[1:]:
-                raise ValueError(f"the array gives slices of the shape {self.slab.shape[1:]}, not {self.shape[1:]}")
             given = self.slab.dtype
             if f"{given.kind}{given.itemsize}" != self.code:
                 raise ValueError(f"the array says that it holds {self.array.dtype}, but gives slices of {given}")
@@ -87,6 +85,8 @@ class Slices:
 
     def _plain(self, plane: np.ndarray) -> np.ndarray:
         plane = np.asarray(plane)
+        if plane.shape != self.shape[1:]:
+            raise ValueError(f"the array gives slices of the shape {plane.shape}, not {self.shape[1:]}")
         if self.is_narrowed:
             ends = np.iinfo(self.target)
             if plane.min() < ends.min or plane.max() > ends.max:

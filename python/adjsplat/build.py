@@ -12,7 +12,18 @@ from typing import Any
 import numpy as np
 
 from . import _native
-from .arguments import byte_count, function, level_count, output_path, text, thread_count, truth, whole, whole_within
+from .arguments import (
+    byte_count,
+    function,
+    level_count,
+    output_path,
+    path_text,
+    text,
+    thread_count,
+    truth,
+    whole,
+    whole_within,
+)
 from .arrays import Slices, is_array
 from .convert import TURNED
 from .data_array import is_of_xarray, placed
@@ -30,7 +41,7 @@ class Place:
     """Where a volume is in the world, checked."""
 
     def __init__(self, spacing: Any, origin: Any, direction: Any, frame: str, unit: str | None):
-        if frame not in ("RAS", "LPS"):
+        if text("frame", frame) not in ("RAS", "LPS"):
             raise ValueError(f'frame is "{frame}", but must be RAS or LPS')
         turned = TURNED if frame == "LPS" else np.ones(3)
         self.spacing = _numbers("spacing", spacing, 3)
@@ -89,7 +100,7 @@ class Packing:
         threads: int | None,
         levels: int | str | None = None,
     ):
-        if lanes not in ("x", "xy", "xyz"):
+        if text("lanes", lanes) not in ("x", "xy", "xyz"):
             raise ValueError(f'lanes are "{lanes}", but must be x, xy or xyz')
         self.lanes = len(lanes)
         self.value_bits = None if value_bits is None else whole("value_bits", value_bits)
@@ -260,20 +271,21 @@ def chosen_transfer(visible: Any, transfer: Any, labels: Any) -> str | None:
 
 def file_paths(volume: Any) -> list[str]:
     """Returns the paths that `volume` names: one, several, or a pattern."""
-    if isinstance(volume, (str, os.PathLike)):
-        path = os.fsdecode(volume)
-        if isinstance(path, str) and not os.path.exists(path) and any(sign in path for sign in "*?["):
+    if isinstance(volume, (str, bytes, os.PathLike)):
+        path = path_text(volume)
+        if not os.path.exists(path) and any(sign in path for sign in "*?["):
             found = sorted(file for file in glob.glob(path) if os.path.isfile(file))
             if not found:
                 raise FileNotFoundError(2, "no file matches this pattern", path)
             return found
-        if isinstance(path, str) and path.endswith(".adj") and os.path.isfile(path):
+        if path.endswith(".adj") and os.path.isfile(path):
             raise ValueError(
                 f"{path} is an .adj file, which holds no volume; open it, or give the volume that it was built from"
             )
         return [path]
-    if isinstance(volume, Sequence) and volume and all(isinstance(file, (str, os.PathLike)) for file in volume):
-        return [os.fsdecode(file) for file in volume]
+    is_list = isinstance(volume, Sequence) and not isinstance(volume, memoryview)
+    if is_list and volume and all(isinstance(file, (str, bytes, os.PathLike)) for file in volume):
+        return [path_text(file) for file in volume]
     raise TypeError(f"a volume is an array (z, y, x), a path or a list of paths, not {type(volume).__name__}")
 
 

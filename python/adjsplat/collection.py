@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import _native
-from .arguments import byte_count, function, output_path, path_in_folder, thread_count, whole
+from .arguments import byte_count, function, output_path, path_in_folder, path_text, thread_count, whole
 from .arrays import Slices, is_array
 from .build import BuildWarning, Packing, Place, chosen_transfer, placed_volume
 from .data_array import in_order, is_of_xarray
@@ -56,7 +56,7 @@ class Collection:
 
     def __init__(self, path: str | os.PathLike[str], *, partial: bool = False):
         #: The folder's absolute path.
-        self.path = os.path.abspath(os.fsdecode(path))
+        self.path = os.path.abspath(path_text(path))
         self._partial = bool(partial)
         self._native = _native.Collection.open(self.path, self._partial)
 
@@ -397,7 +397,7 @@ class BrickPlan:
         threads: int | None = None,
     ) -> int:
         """Builds a brick as a file in `folder`, if it has visible voxels; returns their number."""
-        path, limits = os.path.abspath(os.fsdecode(folder)), (byte_count(memory), thread_count(threads))
+        path, limits = os.path.abspath(path_text(folder)), (byte_count(memory), thread_count(threads))
         return self._native.build(self._index(index), _source(samples), path, *limits)
 
     def _index(self, index: int) -> int:
@@ -408,7 +408,7 @@ class BrickPlan:
 
     def finish(self, folder: str | os.PathLike[str]) -> Collection:
         """Writes the manifest of the bricks in `folder`, which is then a collection."""
-        self._native.finish(os.path.abspath(os.fsdecode(folder)))
+        self._native.finish(os.path.abspath(path_text(folder)))
         return Collection(folder)
 
     @property
@@ -423,7 +423,7 @@ def as_volume(volume: Any) -> Any:
         return in_order(volume)
     if is_array(volume) or isinstance(volume, VolumeFile):
         return volume
-    if isinstance(volume, (str, os.PathLike, list, tuple)):
+    if isinstance(volume, (str, bytes, os.PathLike, list, tuple)):
         return VolumeFile(volume)
     raise TypeError(
         f"a volume is an array (z, y, x), a path, a list of paths or a VolumeFile, not {type(volume).__name__}"

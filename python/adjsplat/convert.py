@@ -17,6 +17,8 @@ TURNED = np.array([-1.0, -1.0, 1.0])
 
 def to_dask(model: Voxels, chunks: Any) -> Any:
     array = needed("dask.array", "to_dask")
+    if chunks is None:
+        raise TypeError('chunks are None, but must be "auto", a number of points or three of them (z, y, x)')
     try:
         return array.from_array(model, chunks=chunks, lock=False, asarray=False)
     except ArithmeticError:

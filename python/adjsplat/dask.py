@@ -17,7 +17,7 @@ import numpy as np
 
 from . import _native
 from ._optional import needed
-from .arguments import byte_count, output_path, path_in_folder, whole_within
+from .arguments import byte_count, output_path, path_in_folder, path_text, whole_within
 from .build import BuildWarning
 from .collection import BrickPlan, BrickRenderer, Collection, as_volume, building_folder, finished, put_together
 from .model import Model
@@ -54,8 +54,8 @@ def build(
     """
     dask = needed("dask", "adjsplat.dask")
     array = as_volume(array)
-    is_file = not os.fsdecode(out).rstrip("/").endswith(".adjs")
-    path = output_path(out) if is_file else path_in_folder(os.fsdecode(out).rstrip("/"))
+    is_file = not path_text(out).rstrip("/").endswith(".adjs")
+    path = output_path(out) if is_file else path_in_folder(path_text(out).rstrip("/"))
     if slab is None and brick is None:
         raise ValueError("give slab, the slices of a brick along z, or brick, its points (z, y, x)")
     limit, retries = byte_count(memory), whole_within("retries", retries, 0, 2**31 - 1)

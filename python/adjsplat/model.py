@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from . import _native, export
-from .arguments import output_path
+from .arguments import output_path, path_text
 from .export import ExportReport
 from .level import Level
 from .transfer import TransferFunction, as_transfer
@@ -32,7 +32,7 @@ def open(path: str | os.PathLike[str], *, mapped: bool = True) -> Model:
     ...     print(f.shape, f.count)
     (64, 64, 64) 143360
     """
-    path = os.path.abspath(os.fsdecode(path))
+    path = os.path.abspath(path_text(path))
     if mapped:
         return Model(_native.Model.open(path), path)
     # Opened as a map first: it refuses pipes and names the file in its errors. A collection is in memory then.

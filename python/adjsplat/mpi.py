@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from ._optional import needed
-from .arguments import path_in_folder
+from .arguments import path_in_folder, path_text
 from .build import BuildWarning
 from .collection import BrickPlan, BrickRenderer, Collection, as_volume, building_folder, finished, over, put_together
 from .pictures import save
@@ -47,7 +47,7 @@ def build(
     RuntimeError. A run that is killed, as by Ctrl-C of mpirun, leaves a folder `.NAME.adjs.XXXX.building`.
     """
     comm = _world() if comm is None else comm
-    path = _together(comm, lambda: path_in_folder(os.fsdecode(out).rstrip("/")))
+    path = _together(comm, lambda: path_in_folder(path_text(out).rstrip("/")))
     array = _together(comm, as_volume, array)
 
     def planned() -> tuple[str, str]:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import _native
-from .arguments import path_in_folder
+from .arguments import path_in_folder, path_text
 
 #: Names of colours, as the program `adj` has them.
 NAMED = {"white": (1.0, 1.0, 1.0), "black": (0.0, 0.0, 0.0)}
@@ -107,7 +107,7 @@ def _decoded(encoded: np.ndarray) -> np.ndarray:
 def linear_picture(picture: Any) -> np.ndarray:
     """Returns a picture as linear premultiplied numbers, contiguous and finite."""
     if isinstance(picture, (str, os.PathLike)):
-        picture = _native.read_picture(os.fsdecode(picture))
+        picture = _native.read_picture(path_text(picture))
     picture = np.asarray(picture)
     if picture.ndim != 3 or picture.shape[2] != 4:
         raise ValueError(f"a picture has the shape (rows, columns, 4), not {picture.shape}")

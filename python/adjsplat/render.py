@@ -14,6 +14,7 @@ import numpy as np
 from . import _native
 from .arguments import byte_count, number, optional_number, text, thread_count, truth, whole, whole_within
 from .indices import covered, expanded
+from .level import Level
 from .model import Model, open
 from .pictures import linear_colour, over, to_srgb8
 
@@ -91,6 +92,8 @@ class Renderer:
     def __init__(
         self, f: Model | str | os.PathLike[str], *, transfer: Any = None, device: str = "auto", vram: int | None = None
     ):
+        if isinstance(f, Level):
+            raise TypeError(f"a level of detail is drawn from its model; give the model, and level={f.level}")
         model = f if isinstance(f, Model) else open(f)
         #: The model that is drawn.
         self.model = model if transfer is None else model.with_transfer(transfer)
@@ -217,6 +220,9 @@ class Renderer:
         """
         if whole("frames", frames) < 1:
             raise ValueError(f"frames are {frames}, but must be at least 1")
+        if "camera" in options:
+            raise TypeError("camera is not for turn, which makes its own; leave it out")
+        azimuth = number("azimuth", azimuth)
         view = {name: options.pop(name) for name in ("zoom", "perspective", "up") if name in options}
         size, crop = options.get("size", (800, 800)), options.get("crop")
         orbits = [(azimuth + 360 * frame / frames, elevation) for frame in range(frames)]

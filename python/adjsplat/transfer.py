@@ -13,7 +13,7 @@ import numpy as np
 
 from . import _native
 from ._optional import needed
-from .arguments import number, whole
+from .arguments import number, path_text, whole
 
 #: Opacities below this are drawn as nothing: it is less than one step of an 8-bit picture.
 FAINT = 1 / 255
@@ -38,7 +38,11 @@ class TransferFunction:
         if not isinstance(document, (str, Mapping)):
             raise TypeError(f"a transfer function is made of a dict or JSON text, not of {reprlib.repr(document)}")
         text = document if isinstance(document, str) else _json(document)
-        self._text = _native.transfer_json(text)
+        try:
+            self._text = _native.transfer_json(text)
+        except ValueError as error:
+            # It quotes words of the document, which may have several lines.
+            raise ValueError(str(error).replace("\n", " ")) from None
 
     @classmethod
     def from_json(cls, text: str) -> TransferFunction:
@@ -52,7 +56,7 @@ class TransferFunction:
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> TransferFunction:
         """Reads a JSON file, or a colour table of 3D Slicer (`.ctbl`)."""
-        return cls(_native.transfer_file(os.fsdecode(path)))
+        return cls(_native.transfer_file(path_text(path)))
 
     @classmethod
     def preset(cls, name: str) -> TransferFunction:
@@ -112,10 +116,12 @@ class TransferFunction:
             ],
             "shaded": shaded,
         }
-        if gradient:
-            document["gradient"] = [
-                {"magnitude": number("a magnitude", m), "factor": number("a factor", f)} for m, f in gradient
-            ]
+        ramp = [
+            {"magnitude": number("a magnitude", m), "factor": number("a factor", f)}
+            for m, f in (() if gradient is None else gradient)
+        ]
+        if ramp:
+            document["gradient"] = ramp
         return cls(document)
 
     @classmethod
@@ -247,7 +253,14 @@ def as_transfer(transfer: Any) -> TransferFunction:
 
 
 def _colour(colour: Any) -> Any:
-    return colour if isinstance(colour, str) else [number("a part of a colour", part) for part in colour]
+    if isinstance(colour, str):
+        return colour
+    try:
+        parts = list(colour)
+    except TypeError:
+        need = 'a colour must be "#rrggbb" or three numbers from 0 to 1'
+        raise TypeError(f"{need}, not {reprlib.repr(colour)}") from None
+    return [number("a part of a colour", part) for part in parts]
 
 
 def _opacities(opacity: str | float | Sequence[float], share: np.ndarray) -> np.ndarray:
@@ -266,8 +279,14 @@ def _opacities(opacity: str | float | Sequence[float], share: np.ndarray) -> np.
 def _json(document: Mapping[str, Any]) -> str:
     try:
         return json.dumps(document, default=_plain, allow_nan=False)
-    except ValueError:
-        raise ValueError("the numbers of a transfer function must be finite") from None
+    except ValueError as error:
+        is_circular = "Circular" in str(error)
+        why = (
+            "a transfer function cannot hold itself"
+            if is_circular
+            else "the numbers of a transfer function must be finite"
+        )
+        raise ValueError(why) from None
 
 
 def _plain(number: Any) -> Any:

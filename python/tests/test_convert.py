@@ -184,6 +184,16 @@ def test_an_xarray_keeps_its_axes_whatever_of_its_place_is_given(volume):
         assert adj.build(mirrored, spacing=(1, 2, 3), origin=(0, 0, 0)).direction == h.direction
 
 
+def test_what_else_xarray_has_is_refused(volume):
+    xarray = pytest.importorskip("xarray")
+    variable = xarray.Variable(("z", "y", "x"), volume)
+    for other in (variable, xarray.Dataset({"a": variable})):
+        with pytest.raises(TypeError, match="is no volume; give a DataArray"):
+            adj.build(other, visible=(60, None))
+    with pytest.raises(TypeError, match="^chunks are None, but must be [^\n]*$"):
+        adj.build(volume, visible=(60, None)).to_dask(None)
+
+
 def test_coordinates_that_are_no_numbers_are_refused(volume):
     xarray = pytest.importorskip("xarray")
     days = np.arange(volume.shape[0]).astype("datetime64[D]")

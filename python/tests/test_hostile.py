@@ -22,6 +22,13 @@ class Shaped:
         return self.slices(key)
 
 
+class Shrinking(np.ndarray):
+    """Gives slices of another shape than its own."""
+
+    def __getitem__(self, key):
+        return np.asarray(self)[key][:2]
+
+
 ARRAYS = {
     "no dimensions": (np.float64(3), ValueError),
     "one dimension": (np.ones(5), ValueError),
@@ -53,6 +60,8 @@ ARRAYS = {
     "slices of another type": (Shaped((4, 5, 6), np.uint8, lambda key: ONES[key] * 300.0), ValueError),
     "slices of text": (Shaped((4, 5, 6), np.uint8, lambda key: np.full((1, 5, 6), "a")), ValueError),
     "slices that end early": (Shaped((4, 5, 6), np.uint8, lambda key: ONES[:0]), (IndexError, ValueError)),
+    "an array whose slices are smaller": (ONES.view(Shrinking), ValueError),
+    "a view of memory": (memoryview(ONES), TypeError),
     "slices that raise": (Shaped((4, 5, 6), np.uint8, lambda key: 1 // 0), ZeroDivisionError),
 }
 
@@ -313,6 +322,56 @@ ARGUMENTS = {
         ValueError,
         "unit is '\\ud800', but must be text without lone surrogates",
     ),
+    "a NUL in a path": (
+        lambda f: adj.open("a\0b"),
+        ValueError,
+        "a path cannot have the character NUL: 'a\\x00b'",
+    ),
+    "a folder as an output": (
+        lambda f: adj.build(ONES, "no/../", visible=(1, None)),
+        ValueError,
+        "no/../ names a folder; give a file name",
+    ),
+    "a level to draw": (
+        lambda f: adj.render(adj.build(ONES, visible=(1, None), levels=1).levels[1]),
+        TypeError,
+        "a level of detail is drawn from its model; give the model, and level=1",
+    ),
+    "a function that holds itself": (
+        lambda f: adj.TransferFunction(circular()),
+        ValueError,
+        "a transfer function cannot hold itself",
+    ),
+    "a document with lines in its words": (
+        lambda f: adj.TransferFunction.from_json('{"kind": "a\\nb"}'),
+        ValueError,
+        "unknown variant `a b`",
+    ),
+    "levels in an array": (
+        lambda f: adj.build(ONES, visible=(1, None), levels=np.array([1, 2])),
+        TypeError,
+        "levels must be a whole number",
+    ),
+    "lanes in an array": (
+        lambda f: adj.build(ONES, visible=(1, None), lanes=np.array([1, 2])),
+        TypeError,
+        "lanes must be a string",
+    ),
+    "a label without a colour": (
+        lambda f: adj.build(ONES, labels={50: None}),
+        TypeError,
+        'a colour must be "#rrggbb" or three numbers from 0 to 1, not None',
+    ),
+    "an azimuth of a turn": (
+        lambda f: list(adj.Renderer(f, device="cpu").turn(2, azimuth="a")),
+        TypeError,
+        "azimuth must be a number, not 'a'",
+    ),
+    "a camera of a turn": (
+        lambda f: list(adj.Renderer(f, device="cpu").turn(2, camera={})),
+        TypeError,
+        "camera is not for turn, which makes its own",
+    ),
     "retries of text": (lambda f: dask_build(retries="a"), TypeError, "retries must be a whole number, not 'a'"),
     "negative retries": (lambda f: dask_build(retries=-1), ValueError, "retries is -1, but must be 0 to"),
     "a text as an end": (lambda f: adj.build(ONES, visible=("1", None)), TypeError, "low must be a number, not '1'"),
@@ -394,6 +453,12 @@ def dask_build(**options):
     return adj.dask.build(ONES, "a.adjs", slab=2, visible=(1, None), **options)
 
 
+def circular():
+    document = {"kind": "points"}
+    document["points"] = document
+    return document
+
+
 def plan():
     return adj.BrickPlan(ONES, visible=(1, None), slab=2)
 
@@ -407,7 +472,7 @@ def test_arguments_raise_with_their_own_names(model, name):
     call, error, message = ARGUMENTS[name]
     with pytest.raises(error) as raised:
         call(model)
-    assert message in str(raised.value) and raised.type is error
+    assert message in str(raised.value) and raised.type is error and "\n" not in str(raised.value)
 
 
 def test_a_file_of_a_transfer_function_that_is_no_text(tmp_path):
@@ -459,3 +524,6 @@ def test_paths_may_be_bytes(tmp_path):
     path = tmp_path / "blob.adj"
     adj.build(ONES, visible=(1, None), out=bytes(path))
     assert adj.open(bytes(path)).count == ONES.size
+    ONES.tofile(tmp_path / "v.raw")
+    for volume in (bytes(tmp_path / "v.raw"), [bytes(tmp_path / "v.raw")]):
+        assert adj.build(volume, visible=(1, None), shape=ONES.shape, dtype="u1").count == ONES.size

@@ -29,6 +29,11 @@ FUNCTIONS = [
 ]
 
 
+def test_a_ramp_may_be_an_array():
+    points, ramp = [(1, "#000000", 0), (2, "#ffffff", 1)], [(0, 0.5), (10, 1)]
+    assert TransferFunction.points(points, gradient=np.array(ramp)) == TransferFunction.points(points, gradient=ramp)
+
+
 @pytest.mark.parametrize("function", FUNCTIONS, ids=lambda function: function.kind)
 def test_functions_come_back(function, tmp_path):
     assert TransferFunction.from_json(function.to_json()) == function
