@@ -80,11 +80,9 @@ class Reading:
         self.skip = whole_within("skip", skip, 0, 2**64 - 1)
         self.volume = whole_within("volume_index", volume, 0, 2**32 - 1)
         self.level = whole_within("level", level, 0, 2**32 - 1)
-        self.series = (
-            None
-            if series is None
-            else text("series", series if isinstance(series, str) else str(whole("series", series)))
-        )
+        if series is not None and not isinstance(series, str):
+            series = str(whole("series", series))
+        self.series = None if series is None else text("series", series)
         self.outside_files, self.unscaled = truth("outside_files", outside_files), truth("unscaled", unscaled)
 
 
@@ -161,7 +159,7 @@ def build(
 
     The volume's place, in place of what its file says: `spacing`, `origin` (x, y, z) and `direction` (nine numbers, row
     after row, whose columns are the axes) as in SimpleITK. `frame` says in which world `origin` and `direction` are: "RAS"
-    (NIfTI) or "LPS" (SimpleITK, DICOM). Without `direction`, the axes of an array are those of this world.
+    (NIfTI) or "LPS" (SimpleITK, DICOM). Without `direction`, the axes of an array or raw file are that world's.
 
     What is stored: `lanes` ("x", "xy", "xyz"), `value_bits` (8 or 16) and `normal_bits` (0, 8 or 16); `levels`, a number of
     coarser levels of detail besides, or "auto".
@@ -198,7 +196,7 @@ def build(
         from SimpleITK import GetArrayViewFromImage
 
         volume = GetArrayViewFromImage(volume)
-    volume, place = placed_volume(volume, spacing, origin, direction, frame, unit)
+    volume, place = placed_volume(volume, spacing, origin, direction, frame, unit, is_raw=shape is not None)
     packing = Packing(lanes, value_bits, normal_bits, memory, threads, levels)
     if is_array(volume):
         of_files = (
@@ -234,7 +232,7 @@ def build(
 
 
 def placed_volume(
-    volume: Any, spacing: Any, origin: Any, direction: Any, frame: str, unit: str | None
+    volume: Any, spacing: Any, origin: Any, direction: Any, frame: str, unit: str | None, *, is_raw: bool
 ) -> tuple[Any, Place]:
     """Returns a volume and its place; an xarray DataArray has its own, and is turned to the order z, y, x."""
     if is_of_xarray(volume):
@@ -242,8 +240,8 @@ def placed_volume(
         unit = own_unit if unit is None else unit
         for note in notes:
             warnings.warn(note, BuildWarning, stacklevel=3)
-    if direction is None and is_array(volume):
-        # The axes of an array are those of the named world; a file has its own.
+    if direction is None and (is_raw or is_array(volume)):
+        # The axes of an array or raw file are those of the named world; other files have their own.
         direction = np.eye(3)
     return volume, Place(spacing, origin, direction, frame, unit)
 

@@ -326,7 +326,8 @@ class BrickPlan:
         chosen = chosen_transfer(visible, transfer, labels)
         if chosen is None or chosen == "file":
             raise ValueError("say what is visible: visible=(low, high), transfer= or labels= (but not of the file)")
-        ordered, place = placed_volume(array, spacing, origin, direction, frame, unit)
+        is_raw = isinstance(array, VolumeFile) and array._is_raw
+        ordered, place = placed_volume(array, spacing, origin, direction, frame, unit, is_raw=is_raw)
         if is_of_xarray(array) and ordered.dims != array.dims:
             # The caller cuts bricks out of it by position.
             raise ValueError('the array has its dimensions in another order; give array.transpose("z", "y", "x")')

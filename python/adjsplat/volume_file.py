@@ -52,6 +52,7 @@ class VolumeFile:
         paths = file_paths(volume)
         self._files = [path if path.startswith("phantom:") else os.path.abspath(path) for path in paths]
         self._reading = (shape, dtype, skip, volume_index, level, series, outside_files, unscaled)
+        self._is_raw = shape is not None
         source = self._source()
         for note in source.notes:
             warnings.warn(note, BuildWarning, stacklevel=2)

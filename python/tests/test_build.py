@@ -47,10 +47,17 @@ def test_the_grid_is_set_and_turned(volume):
     assert g.origin == (-4, -5, 6) and g.direction == (0, 1, 0, -1, 0, 0, 0, 0, 1)
 
 
-def test_an_array_without_a_direction_has_the_axes_of_the_frame(volume):
+def test_an_array_without_a_direction_has_the_axes_of_the_frame(volume, tmp_path):
     f = adj.build(volume, visible=(60, None), origin=(4, 5, 6), frame="LPS")
     g = adj.build(volume, visible=(60, None), origin=(4, 5, 6), frame="LPS", direction=np.eye(3))
     assert (f.affine == g.affine).all() and np.diag(f.affine).tolist() == [-1, -1, 1, 1]
+    pytest.importorskip("dask")
+    volume.tofile(tmp_path / "v.raw")
+    raw = {"shape": volume.shape, "dtype": "u1"}
+    place = {"visible": (60, None), "origin": (4, 5, 6), "frame": "LPS"}
+    assert (adj.build(tmp_path / "v.raw", **raw, **place).affine == f.affine).all()
+    built = adj.dask.build(adj.VolumeFile(tmp_path / "v.raw", **raw), tmp_path / "a.adj", slab=8, **place)
+    assert (built.affine == f.affine).all()
 
 
 def test_what_is_visible(volume):
