@@ -280,13 +280,9 @@ def _json(document: Mapping[str, Any]) -> str:
     try:
         return json.dumps(document, default=_plain, allow_nan=False)
     except ValueError as error:
-        is_circular = "Circular" in str(error)
-        why = (
-            "a transfer function cannot hold itself"
-            if is_circular
-            else "the numbers of a transfer function must be finite"
-        )
-        raise ValueError(why) from None
+        if "Circular" in str(error):
+            raise ValueError("a transfer function cannot hold itself") from None
+        raise ValueError("the numbers of a transfer function must be finite") from None
 
 
 def _plain(number: Any) -> Any:

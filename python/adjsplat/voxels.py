@@ -209,7 +209,9 @@ class Voxels:
 
         With a `dtype` of whole numbers, values are rounded, and those beyond its range become its lowest or highest number.
         """
-        if min(*low, *shape) < 0 or any(first + size > points for first, size, points in zip(low, shape, self.shape)):
+        if min(*low, *shape) < 0 or any(
+            int(first) + int(size) > points for first, size, points in zip(low, shape, self.shape)
+        ):
             raise ValueError(f"a block at {low} of the shape {shape} reaches beyond the volume")
         dtype = np.dtype(self.dtype if dtype is None else dtype).newbyteorder("=")
         if dtype not in _NATIVE:
