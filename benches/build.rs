@@ -38,8 +38,8 @@ fn plainly(volume: &Volume, transfer: &TransferFunction) -> (u64, u64) {
                     _ => 0.0,
                 });
                 // A cut by a face looks out of it, which is down the gradient.
-                let gradient = if outward == [0.0; 3] { hood.gradient(x, y) } else { outward.map(|c| -c) };
-                sum += u64::from(normal::encode8(gradient));
+                let slopes = if outward == [0.0; 3] { hood.slopes(x, y) } else { outward.map(|c| -c) };
+                sum += u64::from(normal::encode8(slopes));
             }
         }
     }
