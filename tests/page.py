@@ -238,8 +238,10 @@ def decoded(text):
 class Viewer:
     """The page at an address."""
 
-    def __init__(self, browser, address, script="", size=SIZE):
+    def __init__(self, browser, address, script="", size=SIZE, without=None):
         self.page = browser.new_page(viewport=size, has_touch=True)
+        if without:
+            self.page.route(without, lambda route: route.fulfill(status=404))
         self.page.add_init_script(SCREEN + script)
         self.answers, self.faults = [], []
         self.page.on("response", lambda answer: self.answers.append((answer.url, answer.status, answer.headers)))
@@ -360,8 +362,9 @@ def check_server(files, folder):
         assert served.get(path, Range=f"bytes=-{len(whole) + 8}")[2] == whole
         for absent in ["/files/other.adj", "/files/..%2fball.adj", "/files/%2e%2e/%2e%2e/etc/passwd", "/../Cargo.toml"]:
             assert served.get(absent)[0] == 404, absent
-        status, _, body = served.get("/", Host="attacker.example")
-        assert status == 403 and b"127.0.0.1" in body
+        assert served.get("/" + "a" * 300)[0] == 404
+        status, headers, body = served.get("/", Host="attacker.example")
+        assert status == 403 and b"127.0.0.1" in body and headers["x-content-type-options"] == "nosniff"
         assert served.get("/", Host=f"Localhost:{served.port}")[0] == 200
         # Only this machine reaches it.
         listening = f"0100007F:{served.port:04X}"
@@ -535,6 +538,15 @@ def check_plain_server(browser, files, folder):
             # A browser reports what it could not fetch.
             viewer.faults.clear()
             viewer.close()
+        plain = browser.new_page(java_script_enabled=False)
+        plain.goto(base)
+        assert "allow JavaScript" in plain.inner_text(".message") and not plain.is_visible("#message"), "one text"
+        plain.close()
+        viewer = Viewer(browser, base, without="**/adjsplat_viewer.js")
+        said = wait("why there is no viewer", lambda: "cannot begin" in viewer.message() and viewer.message())
+        assert "adjsplat_viewer.js" in said and "Load the page again" in said, said
+        viewer.faults.clear()
+        viewer.close()
         check_volume_at(browser, base + "?file=../../data/ball.nrrd", os.path.join(data, "ball.nrrd"), folder)
     finally:
         server.shutdown()

@@ -170,12 +170,18 @@ mod server {
 
     /// Refuses requests that another page could make through a name of its own that leads to this machine.
     async fn guard(request: Request, next: Next) -> Response {
+        // No file has such a name; the system's fault for it is another one than of a file that is absent.
+        let is_too_long = request.uri().path().len() > 255;
         let host = request.headers().get(HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
         let name = host.rsplit_once(':').map_or(host, |(name, _)| name);
-        if !["127.0.0.1", "localhost"].iter().any(|here| here.eq_ignore_ascii_case(name)) {
-            return (StatusCode::FORBIDDEN, "open this page as http://127.0.0.1 or http://localhost").into_response();
+        let is_here = ["127.0.0.1", "localhost"].iter().any(|here| here.eq_ignore_ascii_case(name));
+        let mut response = match is_here {
+            true => next.run(request).await,
+            false => (StatusCode::FORBIDDEN, "open this page as http://127.0.0.1 or http://localhost").into_response(),
+        };
+        if is_too_long && response.status() == StatusCode::INTERNAL_SERVER_ERROR {
+            response = StatusCode::NOT_FOUND.into_response();
         }
-        let mut response = next.run(request).await;
         let headers = response.headers_mut();
         headers.insert(X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
         headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-cache"));

@@ -105,8 +105,18 @@ pub(crate) fn publish(viewer: &Viewer) {
         "picked": document.and_then(|document| document.picked).map(|picked| picked.index),
         "memory": memory(),
     });
+    let fault = document.and_then(|document| document.painter.fault()).map(str::to_owned);
+    tell(&viewer.message().or(fault).unwrap_or_default());
     let picture = document.and_then(|document| document.painter.image());
     SHOWN.set((state.to_string(), picture));
+}
+
+/// Lets screen readers say what the viewer draws as text.
+fn tell(text: &str) {
+    let place = document().get_element_by_id("said");
+    if let Some(place) = place.filter(|place| place.text_content().as_deref() != Some(text)) {
+        place.set_text_content(Some(text));
+    }
 }
 
 /// Returns the bytes of the program's memory, which never shrinks.

@@ -1,6 +1,4 @@
 // Loads the viewer into the page, or says why it cannot run.
-import init, * as viewer from "./adjsplat_viewer.js";
-
 const canvas = document.getElementById("view");
 const message = document.getElementById("message");
 
@@ -40,7 +38,8 @@ async function begin() {
     return say("This browser has no WebGPU, by which the viewer draws. Use a newer browser, allow its graphics acceleration, or use adj view.");
   }
   watchFirstDevice();
-  await init({ module_or_path: new URL("adjsplat_viewer_bg.wasm", import.meta.url) });
+  const viewer = await import("./adjsplat_viewer.js");
+  await viewer.default({ module_or_path: new URL("adjsplat_viewer_bg.wasm", import.meta.url) });
   say("");
   limitSize();
   addEventListener("resize", limitSize);
@@ -49,4 +48,4 @@ async function begin() {
   globalThis.adjsplat = { state: () => JSON.parse(viewer.state() || "{}"), pixels: () => viewer.pixels() };
 }
 
-begin().catch((fault) => say(`The viewer cannot begin: ${fault?.message ?? fault}`));
+begin().catch((fault) => say(`The viewer cannot begin (${fault?.message ?? fault}). Load the page again. If this stays, its server may lack a file that the page was built with.`));
