@@ -2,6 +2,8 @@
 //!
 //! In: numbers that mouse, keys and panels change. Out: a [`Camera`] and [`Settings`] for the renderer.
 
+use std::ops::RangeInclusive;
+
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Camera, ClipPlane, Lighting, Mode, Orbit, Projection, Quality, Settings, Surround, Up};
 use adjsplat::traverse::VoxelBox;
@@ -13,6 +15,12 @@ const FIRST_FOV: f64 = 30.0;
 
 /// Heights of the view that can be reached by zooming, in heights of the view that shows everything.
 const ZOOMS: [f64; 2] = [1e-4, 20.0];
+
+/// The same for the camera of a link, which may be of a narrow view, where everything takes a larger height.
+const LINK_ZOOMS: [f64; 2] = [5e-5, 2000.0];
+
+/// The vertical angles of view of a link, in degrees.
+const LINK_FOVS: RangeInclusive<f64> = 1.0..=160.0;
 
 /// A side from which a model is looked at: azimuth and elevation in degrees.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -157,18 +165,20 @@ impl Eye {
     /// # Errors
     /// [`Error::Input`] for another text, or a number out of its range.
     pub fn moved_to(self, text: &str) -> Result<Eye> {
+        let [least, most] = LINK_ZOOMS.map(|zoom| zoom * self.full_height);
         let wrong = || {
-            let wanted = "azimuth,elevation,height,angle,x,y,z in numbers, with elevation from -90 to 90, height above 0, \
-                angle from 0 to below 180";
-            Error::input("view", format!("is \"{text}\", but must be {wanted}"))
+            let (low, high) = (LINK_FOVS.start(), LINK_FOVS.end());
+            let wanted = "azimuth,elevation,height,angle,x,y,z in numbers, with elevation from -90 to 90";
+            let bounds = format!("height from {least:.1e} to {most:.1e}, angle 0 or from {low} to {high}");
+            Error::input("view", format!("is \"{text}\", but must be {wanted}, {bounds}"))
         };
         let numbers: Vec<f64> =
             text.split(',').map(str::parse).collect::<std::result::Result<_, _>>().map_err(|_| wrong())?;
         let [azimuth, elevation, height, fov, x, y, z] = numbers[..] else { return Err(wrong()) };
         let is_right = numbers.iter().all(|number| number.is_finite())
             && elevation.abs() <= 90.0
-            && height > 0.0
-            && (0.0..180.0).contains(&fov);
+            && (least..=most).contains(&height)
+            && (fov == 0.0 || LINK_FOVS.contains(&fov));
         let eye =
             Eye { target: DVec3::new(x, y, z), azimuth, elevation, height, fov: (fov > 0.0).then_some(fov), ..self };
         // A camera of these numbers may still be impossible, such as one at infinity.
@@ -290,6 +300,17 @@ mod tests {
             assert!(eye().moved_to(text).is_err(), "{text}");
         }
         assert!(eye().moved_to("0,0,1e308,1e-300,1e308,0,0").is_err());
+    }
+
+    #[test]
+    fn a_link_whose_angle_or_height_would_hang_the_page_is_refused_with_the_bounds() {
+        for text in ["0,0,90,179.999,0,0,0", "0,0,90,1e-9,0,0,0", "0,0,1e-308,0,0,0,0", "0,0,1e9,0,0,0,0"] {
+            let fault = eye().moved_to(text).unwrap_err().to_string();
+            assert!(fault.contains("angle 0 or from 1 to 160") && fault.contains("height from "), "{fault}");
+        }
+        for fov in [0.0, 1.0, 160.0] {
+            assert!(eye().moved_to(&format!("0,0,{},{fov},0,0,0", eye().full_height)).is_ok(), "{fov}");
+        }
     }
 
     #[test]
