@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use adjsplat::Model;
 use adjsplat::arena::{CodeCounts, Directory};
-use adjsplat::error::Result;
+use adjsplat::error::{Error, Result};
 use adjsplat::splat::Lanes as _;
 use adjsplat::volume::Axis;
 use egui::Context;
@@ -18,6 +18,7 @@ use web_time::Instant;
 
 use crate::background;
 use crate::draw::OnDevice;
+use crate::look::ViewLook;
 
 /// Bytes of the first part of the voxels and of the largest one; progress is shown after each.
 pub const PARTS: RangeInclusive<u64> = 256 << 10..=4 << 20;
@@ -69,6 +70,10 @@ struct State {
     /// Why no more can be fetched, until it was told.
     fault: Option<String>,
     has_failed: bool,
+    /// Whether what was fetched last did not fit the file. It is not fetched again.
+    is_damaged: bool,
+    /// The look whose picture needed what could not be fetched. Another one tries again.
+    failed_look: Option<ViewLook>,
 }
 
 impl Remote {
@@ -108,7 +113,7 @@ impl Remote {
         self.state().has_arrived
     }
 
-    /// Returns whether fetching has failed.
+    /// Returns whether fetching has failed, and has not succeeded since.
     pub fn has_failed(&self) -> bool {
         self.state().has_failed
     }
@@ -148,21 +153,32 @@ impl Remote {
         LaneOf { level: coarser.next().unwrap_or(wanted.level), ..wanted }
     }
 
-    /// Begins to fetch what a picture that needs the lane `wanted` shows next, unless something is being fetched; `finest` is
-    /// the finest level of which the device has a lane.
+    /// Returns whether a picture of `look` may fetch: not after a failure for the same look, or of a damaged file.
+    pub(crate) fn may_fetch(&self, look: &ViewLook) -> bool {
+        let state = self.state();
+        !state.is_damaged && state.failed_look.as_ref() != Some(look)
+    }
+
+    /// Begins to fetch what a picture of `look` that needs the lane `wanted` shows next, unless something is being fetched;
+    /// `finest` is the finest level of which the device has a lane.
     pub(crate) fn begin(
         self: &Arc<Remote>,
         wanted: LaneOf,
         finest: Option<usize>,
         device: &Arc<async_lock::Mutex<OnDevice>>,
+        look: &ViewLook,
     ) {
-        let lane = self.next(wanted, finest);
-        let mut state = self.state();
-        if state.fetching.is_some() || state.has_failed {
+        if !self.may_fetch(look) {
             return;
         }
-        state.fetching = Some((lane, [0, 1]));
+        let lane = self.next(wanted, finest);
+        let mut state = self.state();
+        if state.fetching.is_some() {
+            return;
+        }
+        (state.fetching, state.has_failed) = (Some((lane, [0, 1])), false);
         drop(state);
+        let look = look.clone();
         // A document that is closed stops what it fetches.
         let (remote, device, turn) = (Arc::downgrade(self), Arc::downgrade(device), self.turn.clone());
         background::run(async move || {
@@ -170,12 +186,12 @@ impl Remote {
             let fetched = fetch(&remote, lane, &device).await;
             if let Some((remote, device)) = remote.upgrade().zip(device.upgrade()) {
                 // The fault is shown.
-                let _ = remote.end(fetched, lane, device).await;
+                let _ = remote.end(fetched, lane, device, Some(look)).await;
             }
         });
     }
 
-    /// Fetches a lane for a device, unless that has it.
+    /// Fetches a lane for a device, unless that has it. `look`: of the picture on the screen that needs it.
     ///
     /// # Errors
     /// The errors of the source and of the device.
@@ -183,17 +199,27 @@ impl Remote {
         self: &Arc<Remote>,
         lane: LaneOf,
         device: &Arc<async_lock::Mutex<OnDevice>>,
+        look: Option<&ViewLook>,
     ) -> Result<()> {
         let _turn = self.turn.lock().await;
         if self.is_there(lane, &*device.lock().await) {
             return Ok(());
         }
+        if look.is_some_and(|look| !self.may_fetch(look)) {
+            return Err(Error::input(&self.name, "has voxels that could not be fetched"));
+        }
         let fetched = fetch(&Arc::downgrade(self), lane, &Arc::downgrade(device)).await;
-        self.end(fetched, lane, device.clone()).await
+        self.end(fetched, lane, device.clone(), look.cloned()).await
     }
 
     /// Ends fetching a lane; what has arrived of one that is damaged or cut is dropped.
-    async fn end(&self, fetched: Result<()>, lane: LaneOf, device: Arc<async_lock::Mutex<OnDevice>>) -> Result<()> {
+    async fn end(
+        &self,
+        fetched: Result<()>,
+        lane: LaneOf,
+        device: Arc<async_lock::Mutex<OnDevice>>,
+        look: Option<ViewLook>,
+    ) -> Result<()> {
         if fetched.is_err() {
             device.lock().await.forget(lane);
         }
@@ -201,8 +227,13 @@ impl Remote {
         drop(device);
         let mut state = self.state();
         (state.fetching, state.has_news) = (None, true);
-        state.has_failed = fetched.is_err();
-        state.fault = fetched.as_ref().err().map(ToString::to_string);
+        (state.has_failed, state.failed_look) = (fetched.is_err(), look.filter(|_| fetched.is_err()));
+        let is_damaged = state.is_damaged;
+        let told = |fault: String| match is_damaged || fault.ends_with("load the page again") {
+            true => fault,
+            false => fault + "; move the view to try again, or load the page again",
+        };
+        state.fault = fetched.as_ref().err().map(ToString::to_string).map(told);
         self.context.request_repaint();
         fetched
     }
@@ -259,7 +290,9 @@ async fn fetch(remote: &Weak<Remote>, wanted: LaneOf, device: &Weak<async_lock::
         remote.context.request_repaint();
     }
     let Some(remote) = remote.upgrade() else { return Ok(()) };
-    check.finish(&remote.name)?;
+    let checked = check.finish(&remote.name);
+    remote.state().is_damaged = checked.is_err();
+    checked?;
     let mut state = remote.state();
     state.count(level, codes);
     state.finest = Some(state.finest.map_or(level, |finest| finest.min(level)));

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -31,11 +31,18 @@ struct Memory {
     bytes: Arc<Mutex<Vec<u8>>>,
     reads: Arc<AtomicUsize>,
     delay: Duration,
+    /// Whether the connection is down.
+    is_down: Arc<AtomicBool>,
 }
 
 impl Memory {
     fn new(path: &Path, delay: Duration) -> Memory {
-        Memory { bytes: Arc::new(Mutex::new(std::fs::read(path).unwrap())), reads: Arc::default(), delay }
+        Memory {
+            bytes: Arc::new(Mutex::new(std::fs::read(path).unwrap())),
+            reads: Arc::default(),
+            delay,
+            is_down: Arc::default(),
+        }
     }
 
     fn bytes(&self, range: &Range<u64>) -> Vec<u8> {
@@ -59,6 +66,9 @@ impl Source for Memory {
     fn read<'a>(&'a self, ranges: &'a [Range<u64>]) -> Reading<'a> {
         self.reads.fetch_add(1, Ordering::Relaxed);
         std::thread::sleep(self.delay);
+        if self.is_down.load(Ordering::Relaxed) {
+            return Box::pin(std::future::ready(Err(Error::input("ball.adj", "cannot be fetched"))));
+        }
         Box::pin(std::future::ready(Ok(ranges.iter().map(|range| self.bytes(range)).collect())))
     }
 }
@@ -210,6 +220,37 @@ fn a_file_that_changes_is_named_and_not_fetched_again() {
     let camera = Eye { azimuth: 85.0, ..look.eye }.camera().unwrap();
     let fault = pollster::block_on(canvas.frame(&model, &camera, &settings)).unwrap_err();
     assert!(matches!(fault, Error::Input { .. }), "a picture that is saved is whole, or is not: {fault}");
+}
+
+#[test]
+fn after_a_failed_fetch_the_next_view_tries_again() {
+    if !has_device() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let memory = Memory::new(&file(folder.path()), Duration::ZERO);
+    let remote = memory.remote();
+    let canvas = Canvas::new(Some(remote.clone()));
+    let model = remote.model().unwrap();
+    let first = look(&model, 5.0, 10.0);
+    let reads = || memory.reads.load(Ordering::Relaxed);
+    let draw = |look: &ViewLook| {
+        let drawn = pollster::block_on(canvas.picture(&model, look, SIZE, Quality::High)).unwrap();
+        wait("an answer", || remote.fetching().is_none());
+        drawn.map(|(_, work)| work.completeness)
+    };
+    assert_eq!((draw(&first), draw(&first)), (None, Some(Completeness::Whole)));
+    let turned = [85.0, 86.0].map(|azimuth| look(&model, azimuth, 10.0));
+    memory.is_down.store(true, Ordering::Relaxed);
+    let before = reads();
+    draw(&turned[0]);
+    assert!(remote.has_failed() && reads() == before + 1);
+    let fault = remote.fault().unwrap();
+    assert!(fault.contains("cannot be fetched; move the view to try again"), "{fault}");
+    assert_eq!((draw(&turned[0]), reads()), (Some(Completeness::StandIn), before + 1), "the same view asks once");
+    memory.is_down.store(false, Ordering::Relaxed);
+    draw(&turned[1]);
+    assert_eq!((draw(&turned[1]), remote.has_failed()), (Some(Completeness::Whole), false));
 }
 
 #[test]

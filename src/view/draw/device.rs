@@ -160,7 +160,7 @@ impl Canvas {
             let needed = drawn_levels(&model.scene(), &look.eye.camera()?, &settings)?;
             // The coarsest level that is needed has the fewest bytes.
             if let Some((level, order)) = needed.first() {
-                remote.begin(LaneOf { level: *level, axis: order.fast }, None, &self.device);
+                remote.begin(LaneOf { level: *level, axis: order.fast }, None, &self.device, look);
             }
         }
         Ok(())
@@ -186,8 +186,10 @@ impl Canvas {
         if let Some(remote) = &self.remote {
             let needed = drawn_levels(&model.scene(), &camera, &settings)?;
             if let Some(StandIn { lane, fetch, finest }) = StandIn::new(remote, &device, &needed, quality) {
-                if let Some(wanted) = fetch {
-                    remote.begin(wanted, finest, &self.device);
+                // After a failure, a view that moves does not ask for every draft.
+                let waits = quality == Quality::Draft && remote.has_failed();
+                if let Some(wanted) = fetch.filter(|_| !waits) {
+                    remote.begin(wanted, finest, &self.device, look);
                     if quality == Quality::High && remote.fetching().is_some() {
                         return Ok(None);
                     }
@@ -203,7 +205,7 @@ impl Canvas {
                         // A maximum is of slices in the view's order.
                         drop(device);
                         lane.axis = order.fast;
-                        remote.fetch(lane, &self.device).await?;
+                        remote.fetch(lane, &self.device, Some(look)).await?;
                         device = self.device.lock().await;
                     }
                     settings = settings.with_level(lane.level);
@@ -224,7 +226,7 @@ impl Canvas {
     pub async fn frame(&self, model: &Model, camera: &Camera, settings: &Settings) -> Result<(Frame, Work)> {
         if let Some(remote) = &self.remote {
             for (level, order) in drawn_levels(&model.scene(), camera, settings)? {
-                remote.fetch(LaneOf { level, axis: order.fast }, &self.device).await?;
+                remote.fetch(LaneOf { level, axis: order.fast }, &self.device, None).await?;
             }
         }
         self.device.lock().await.frame(model, camera, settings).await

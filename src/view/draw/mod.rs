@@ -170,8 +170,7 @@ impl Painter {
     /// Returns whether the picture that is shown is the best of this look.
     pub fn is_finished(&self) -> bool {
         let is_fetching = self.canvas.remote().is_some_and(|remote| remote.fetching().is_some());
-        let is_high = |shown: &Shown| shown.look_index == self.look_index && shown.quality == Quality::High;
-        !is_fetching && self.shown.as_ref().is_some_and(is_high)
+        !is_fetching && self.is_best()
     }
 
     /// Returns whether no picture of this look can be better than the one that is shown.
