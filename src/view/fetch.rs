@@ -370,6 +370,9 @@ impl Asked {
     /// announced, and stops where that fails.
     async fn answer(mut self, name: &str, arrived: impl Fn(u64, u64) -> Result<()>) -> Result<Answer> {
         let response: Response = patient(&self.stop, &mut self.response).await.map_err(failed(name))?.unchecked_into();
+        if response.status() == 416 && self.wanted.start == 0 {
+            return Err(Error::input(name, "is an empty file"));
+        }
         if !response.ok() {
             let answer = format!("cannot be fetched: the server says {} {}", response.status(), response.status_text());
             return Err(Error::input(name, answer));
@@ -422,7 +425,9 @@ fn failed(name: &str) -> impl Fn(JsValue) -> Error {
             format!("the server sent nothing for {} s; load the page again", PATIENCE / 1_000)
         } else {
             let text = fault.map(|fault| String::from(fault.message())).unwrap_or_default();
-            format!("{text}; a page reads from its own server only")
+            format!(
+                "{text}; the connection broke, or the address is not on the page's server, the only one that it asks"
+            )
         };
         Error::input(name, format!("cannot be fetched: {why}"))
     }

@@ -91,7 +91,7 @@ enum KindName {
 
 /// The fields of all kinds, as they are read.
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "an object with the field \"kind\" and the fields of that kind")]
 pub(super) struct TransferDocument {
     kind: KindName,
     #[serde(default, deserialize_with = "entries")]
