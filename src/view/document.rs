@@ -127,6 +127,11 @@ impl Document {
         remote.fault()
     }
 
+    /// Returns whether none of the voxels could be fetched.
+    pub(crate) fn is_lost(&self) -> bool {
+        self.painter.canvas().remote().is_some_and(|remote| remote.has_failed() && !remote.has_arrived())
+    }
+
     /// Returns, of a file on a server, the bytes that have been fetched, and those of the whole file.
     pub fn fetched(&self) -> Option<[u64; 2]> {
         let [fetched, whole] = self.fetched?;

@@ -94,7 +94,7 @@ impl FilePlace {
             FilePlace::Path(path) => file_name(path),
             FilePlace::Address(address) => {
                 let path = address.split(['?', '#']).next().unwrap_or_default();
-                shortened(&decoded(path.rsplit('/').next().unwrap_or_default()))
+                shortened(&decoded(path.rsplit('/').next().unwrap_or_default()), 80)
             }
             FilePlace::Bytes(name, _) => name.clone(),
             #[cfg(not(target_arch = "wasm32"))]
@@ -169,13 +169,14 @@ fn decoded(part: &str) -> String {
     text.unwrap_or_else(|| part.to_owned())
 }
 
-/// Returns a name, without its middle if it is very long.
-fn shortened(name: &str) -> String {
+/// Returns a name, without its middle if it has more letters than `most`, which is 8 or more.
+pub(crate) fn shortened(name: &str, most: usize) -> String {
     let letters: Vec<char> = name.chars().collect();
-    match letters.len() {
-        0..=80 => name.to_owned(),
-        count => letters[..50].iter().chain(&['…']).chain(&letters[count - 29..]).collect(),
+    if letters.len() <= most {
+        return name.to_owned();
     }
+    let (first, last) = (most * 5 / 8, letters.len() + 1 + most * 5 / 8 - most);
+    letters[..first].iter().chain(&['…']).chain(&letters[last..]).collect()
 }
 
 /// How a file is to be shown first.
@@ -219,7 +220,7 @@ fn unit_of(model: &Model) -> Option<String> {
     }
     let arena = model.arena().ok()?;
     let Description { unit } = serde_json::from_slice(arena.description()).ok()?;
-    unit.map(|unit| shortened(unit.trim())).filter(|unit| !unit.is_empty() && !unit.contains(char::is_control))
+    unit.map(|unit| shortened(unit.trim(), 80)).filter(|unit| !unit.is_empty() && !unit.contains(char::is_control))
 }
 
 /// A file that is being opened.

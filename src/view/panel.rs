@@ -3,9 +3,10 @@
 use adjsplat::splat::{Mode, Quality, Up};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::Axis;
-use egui::{CollapsingHeader, ScrollArea, Slider, Ui};
+use egui::{CollapsingHeader, Id, ScrollArea, Slider, Ui};
 
 use crate::document::Document;
+use crate::draw::Completeness;
 use crate::editor::ui::{choose, editor, field, goes_on, number};
 use crate::look::{Clip, SIDES};
 use crate::navigate::Manner;
@@ -34,8 +35,23 @@ pub fn panel(ui: &mut Ui, document: &mut Document, manner: &mut Manner, size: [u
         });
         section(ui, "Cut", true, |ui| cut(ui, document));
         section(ui, "Numbers", false, |ui| numbers(ui, document));
+        scroll_to_focus(ui);
     });
     wish
+}
+
+/// Scrolls to the widget of this part of the panel that the keyboard has gone to.
+fn scroll_to_focus(ui: &Ui) {
+    let focused = ui.memory(|memory| memory.focused());
+    let before = ui.data_mut(|kept| {
+        std::mem::replace(kept.get_temp_mut_or_default::<Option<Id>>(Id::unique("focus in panel")), focused)
+    });
+    let Some(widget) = focused.filter(|_| focused != before).and_then(|id| ui.ctx().read_response(id)) else { return };
+    // What is outside the panel is seen, but not within the panel.
+    let is_seen_elsewhere = widget.interact_rect.is_positive() && !ui.clip_rect().contains_rect(widget.interact_rect);
+    if widget.layer_id == ui.layer_id() && ui.min_rect().contains(widget.rect.center()) && !is_seen_elsewhere {
+        ui.scroll_to_rect(widget.rect, None);
+    }
 }
 
 fn section(ui: &mut Ui, title: &str, is_open: bool, show: impl FnOnce(&mut Ui)) {
@@ -196,7 +212,8 @@ fn numbers(ui: &mut Ui, document: &Document) {
     }
     if let Some(shown) = document.painter.shown() {
         let [columns, lines] = shown.size;
-        rows.push(("picture", format!("{}, {columns} x {lines}", shown.quality.name())));
+        let stand_in = if shown.work.completeness == Completeness::Whole { "" } else { ", not all voxels arrived" };
+        rows.push(("picture", format!("{}, {columns} x {lines}{stand_in}", shown.quality.name())));
         let rate = 1000.0 / shown.milliseconds.max(1e-3);
         rows.push(("drawn in", format!("{:.1} ms, {rate:.0} a second", shown.milliseconds)));
         rows.push(("splats drawn", shown.work.splats.to_string()));

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use adjsplat_view::look::Eye;
 use adjsplat_view::open::FilePlace;
-use egui::{Event, Key, Modifiers, PointerButton, pos2};
+use egui::{Event, Key, Modifiers, PointerButton, pos2, vec2};
 use egui_kittest::kittest::Queryable as _;
 
 use super::{Driven, click, document, drag, driven, file, opened, viewer, wait};
@@ -129,6 +129,19 @@ fn keys_and_buttons_move_linked_views_too() {
 }
 
 #[test]
+fn link_views_shows_all_files_from_the_same_place_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = three(folder.path());
+    driven.key_press(Key::Num3);
+    driven.step();
+    assert!(eyes(&driven)[0].azimuth != 90.0);
+    click(&mut driven, "Link views");
+    assert!(eyes(&driven).iter().all(|eye| *eye == eyes(&driven)[2]));
+    click(&mut driven, "a.adj");
+    assert_eq!(eyes(&driven)[0], eyes(&driven)[2], "a file that was never shown is not fitted either");
+}
+
+#[test]
 fn one_file_of_several_side_by_side_flies_and_linked_ones_fly_as_far() {
     let folder = tempfile::tempdir().unwrap();
     let mut driven = three(folder.path());
@@ -145,6 +158,48 @@ fn one_file_of_several_side_by_side_flies_and_linked_ones_fly_as_far() {
     let linked = eyes(&driven);
     assert!(linked.iter().all(|eye| *eye == linked[2]));
     assert!(((linked[2].target - alone[2].target).length() / far - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn a_long_name_is_shortened_on_its_tab() {
+    let folder = tempfile::tempdir().unwrap();
+    let long = format!("{}.adj", "W".repeat(200));
+    let mut driven = three(folder.path());
+    std::fs::copy(folder.path().join("a.adj"), folder.path().join(&long)).unwrap();
+    let context = driven.ctx.clone();
+    driven.state_mut().as_mut().unwrap().open(&context, FilePlace::Path(folder.path().join(&long)));
+    wait(&mut driven, "opening", |viewer| viewer.documents().len() == 4);
+    driven.step();
+    let (tab, short) = (driven.get_by_label(&long).rect(), driven.get_by_label("a.adj").rect());
+    assert!(tab.height() == short.height() && tab.width() < 450.0, "{tab}");
+}
+
+#[test]
+fn by_keyboard_the_panel_scrolls_to_what_has_the_focus() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = opened(folder.path());
+    driven.set_size(vec2(900.0, 300.0));
+    driven.step();
+    assert!(driven.get_by_label("Clip plane").rect().top() > 300.0);
+    for _ in 0..60 {
+        driven.key_press(Key::Tab);
+        driven.step();
+        driven.step();
+        if driven.get_by_label("Clip plane").is_focused() {
+            break;
+        }
+    }
+    (0..60).for_each(|_| driven.step());
+    let focused = driven.get_by_label("Clip plane");
+    assert!(focused.is_focused() && focused.rect().bottom() < 300.0, "{}", focused.rect());
+}
+
+#[test]
+fn a_links_function_that_is_none_is_refused_in_words_of_the_format() {
+    for text in ["[]", "null", "7"] {
+        let fault = adjsplat::TransferFunction::from_json(text).unwrap_err().to_string();
+        assert!(fault.contains("expected an object with the field \"kind\"") && !fault.contains("struct"), "{fault}");
+    }
 }
 
 #[test]

@@ -3,15 +3,18 @@
 use adjsplat::TransferFunction;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Quality;
-use egui::{Context, Label, ProgressBar, Theme, Ui};
+use egui::{Button, Context, Label, ProgressBar, Theme, Ui};
 
 use super::Viewer;
 use crate::dialog::Purpose;
 use crate::document::Document;
 use crate::editor::Edited;
-use crate::editor::ui::number;
-use crate::open::FilePlace;
+use crate::editor::ui::{name, number};
+use crate::open::{FilePlace, shortened};
 use crate::save::{camera_json, command};
+
+/// The most letters of a file's name on a tab.
+const LONGEST_TAB: usize = 32;
 
 impl Viewer {
     pub(super) fn menu(&mut self, ui: &mut Ui) {
@@ -46,9 +49,9 @@ impl Viewer {
                     }
                 }
             });
-            let is_open = !self.documents.is_empty();
-            ui.add_enabled_ui(is_open, |ui| {
-                if ui.button("Save picture").clicked() {
+            let is_lost = self.active().is_some_and(Document::is_lost);
+            ui.add_enabled_ui(!self.documents.is_empty(), |ui| {
+                if ui.add_enabled(!is_lost, Button::new("Save picture")).clicked() {
                     self.form_is_open = true;
                 }
                 ui.menu_button("Copy", |ui| {
@@ -73,7 +76,10 @@ impl Viewer {
                 if ui.checkbox(&mut self.is_side_by_side, "Side by side").changed() {
                     self.documents.iter_mut().for_each(|document| document.needs_fit |= document.is_fitted());
                 }
-                ui.checkbox(&mut self.is_linked, "Link views").on_hover_text("All files are seen from the same place");
+                let link = ui.checkbox(&mut self.is_linked, "Link views");
+                if link.on_hover_text("All files are seen from the same place").changed() && self.is_linked {
+                    self.show_all_from(self.documents[self.active].look.eye);
+                }
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let is_dark = context.theme() == Theme::Dark;
@@ -130,7 +136,13 @@ impl Viewer {
         ui.horizontal_wrapped(|ui| {
             for index in 0..self.documents.len() {
                 let title = self.documents[index].title.clone();
-                if ui.selectable_label(index == self.active, &title).clicked() {
+                let short = shortened(&title, LONGEST_TAB);
+                let mut tab = ui.selectable_label(index == self.active, &short);
+                if short != title {
+                    name(&tab, &title);
+                    tab = tab.on_hover_text(&title);
+                }
+                if tab.clicked() {
                     if self.is_linked {
                         self.documents[index].look.eye = self.documents[self.active].look.eye;
                     }
@@ -197,8 +209,9 @@ fn describe(document: &Document) -> String {
         None => {
             let [x, y, z] = document.model.grid().dims;
             format!(
-                "{x} x {y} x {z} points, {} visible voxels. Click to pick a voxel.",
-                document.model.visible_voxels()
+                "{x} x {y} x {z} points, {} visible voxels. {}",
+                document.model.visible_voxels(),
+                if document.is_lost() { "They could not be fetched." } else { "Click to pick a voxel." }
             )
         }
     }

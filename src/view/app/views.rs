@@ -97,8 +97,12 @@ impl Viewer {
     pub(super) fn link_views(&mut self, index: usize, before: Eye) {
         let eye = self.documents[index].look.eye;
         if self.is_linked && eye != before {
-            self.documents.iter_mut().for_each(|other| other.look.eye = eye);
+            self.show_all_from(eye);
         }
+    }
+
+    pub(super) fn show_all_from(&mut self, eye: Eye) {
+        self.documents.iter_mut().for_each(|other| (other.look.eye, other.needs_fit) = (eye, false));
     }
 
     /// Draws what lies over a picture, and picks the voxel that was clicked.

@@ -161,7 +161,7 @@ fn rounded(value: f64) -> f64 {
 }
 
 /// Gives a widget the name that screen readers say.
-pub(super) fn name(widget: &Response, text: impl Into<String>) {
+pub(crate) fn name(widget: &Response, text: impl Into<String>) {
     let text = text.into();
     widget.ctx.accesskit_node_builder(widget.id, |node| node.set_label(text));
 }
