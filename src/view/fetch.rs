@@ -260,6 +260,10 @@ impl OnDisk {
 }
 
 impl Source for OnDisk {
+    fn is_local(&self) -> bool {
+        true
+    }
+
     fn read<'a>(&'a self, ranges: &'a [Range<u64>]) -> Reading<'a> {
         Box::pin(async move {
             let failed = |_: JsValue| Error::input(&self.name, "cannot be read, or changed since it was chosen");

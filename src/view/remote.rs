@@ -32,6 +32,11 @@ pub type Reading<'a> = Pin<Box<dyn Future<Output = Result<Vec<Vec<u8>>>> + 'a>>;
 pub trait Source: Send + Sync {
     /// Reads some ranges of bytes.
     fn read<'a>(&'a self, ranges: &'a [Range<u64>]) -> Reading<'a>;
+
+    /// Returns whether the file is on this machine, not on a server.
+    fn is_local(&self) -> bool {
+        false
+    }
 }
 
 /// A lane of a level of detail: all its voxels, on the scan lines along an axis. Level 0 has the voxels themselves.
@@ -229,9 +234,10 @@ impl Remote {
         (state.fetching, state.has_news) = (None, true);
         (state.has_failed, state.failed_look) = (fetched.is_err(), look.filter(|_| fetched.is_err()));
         let is_damaged = state.is_damaged;
-        let told = |fault: String| match is_damaged || fault.ends_with("load the page again") {
+        let again = if self.source.is_local() { "open the file again" } else { "load the page again" };
+        let told = |fault: String| match is_damaged || fault.ends_with(again) {
             true => fault,
-            false => fault + "; move the view to try again, or load the page again",
+            false => format!("{fault}; move the view to try again, or {again}"),
         };
         state.fault = fetched.as_ref().err().map(ToString::to_string).map(told);
         self.context.request_repaint();
@@ -292,7 +298,10 @@ async fn fetch(remote: &Weak<Remote>, wanted: LaneOf, device: &Weak<async_lock::
     let Some(remote) = remote.upgrade() else { return Ok(()) };
     let checked = check.finish(&remote.name);
     remote.state().is_damaged = checked.is_err();
-    checked?;
+    checked.map_err(|fault| match remote.source.is_local() {
+        true => Error::input(&remote.name, "is damaged, or changed since it was opened; run adj verify on it"),
+        false => fault,
+    })?;
     let mut state = remote.state();
     state.count(level, codes);
     state.finest = Some(state.finest.map_or(level, |finest| finest.min(level)));
