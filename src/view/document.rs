@@ -5,7 +5,7 @@ use std::sync::mpsc::{Receiver, channel};
 use adjsplat::error::Result;
 use adjsplat::traverse::VoxelBox;
 use adjsplat::{Model, TransferFunction};
-use egui::Context;
+use egui::{Context, Id};
 
 use crate::draw::{Canvas, Painter, Renderer};
 use crate::editor::ui::EditorState;
@@ -51,6 +51,8 @@ pub struct Document {
     pub painter: Painter,
     /// How the view moves.
     pub motion: Motion,
+    /// The widget that had the keyboard when the panel was shown last.
+    pub(crate) focus: Option<Id>,
     /// Whether the view shall show everything as soon as its size is known.
     pub needs_fit: bool,
     /// Target and height of the view that last showed everything.
@@ -93,6 +95,7 @@ impl Document {
             missing: Vec::new(),
             painter: Painter::new(context, renderer, Canvas::new(remote)),
             motion: Motion::default(),
+            focus: None,
             needs_fit: true,
             fitted: None,
             held_face: None,

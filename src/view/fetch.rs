@@ -429,9 +429,7 @@ fn failed(name: &str) -> impl Fn(JsValue) -> Error {
             format!("the server sent nothing for {} s; load the page again", PATIENCE / 1_000)
         } else {
             let text = fault.map(|fault| String::from(fault.message())).unwrap_or_default();
-            format!(
-                "{text}; the connection broke, or the address is not on the page's server, the only one that it asks"
-            )
+            format!("{text}; the connection broke, or the address is not on the page's own server")
         };
         Error::input(name, format!("cannot be fetched: {why}"))
     }

@@ -35,17 +35,15 @@ pub fn panel(ui: &mut Ui, document: &mut Document, manner: &mut Manner, size: [u
         });
         section(ui, "Cut", true, |ui| cut(ui, document));
         section(ui, "Numbers", false, |ui| numbers(ui, document));
-        scroll_to_focus(ui);
+        scroll_to_focus(ui, &mut document.focus);
     });
     wish
 }
 
 /// Scrolls to the widget of this part of the panel that the keyboard has gone to.
-fn scroll_to_focus(ui: &Ui) {
+fn scroll_to_focus(ui: &Ui, last: &mut Option<Id>) {
     let focused = ui.memory(|memory| memory.focused());
-    let before = ui.data_mut(|kept| {
-        std::mem::replace(kept.get_temp_mut_or_default::<Option<Id>>(Id::unique("focus in panel")), focused)
-    });
+    let before = std::mem::replace(last, focused);
     let Some(widget) = focused.filter(|_| focused != before).and_then(|id| ui.ctx().read_response(id)) else { return };
     // What is outside the panel is seen, but not within the panel.
     let is_seen_elsewhere = widget.interact_rect.is_positive() && !ui.clip_rect().contains_rect(widget.interact_rect);

@@ -139,8 +139,8 @@ impl Viewer {
                 let short = shortened(&title, LONGEST_TAB);
                 let mut tab = ui.selectable_label(index == self.active, &short);
                 if short != title {
-                    name(&tab, &title);
-                    tab = tab.on_hover_text(&title);
+                    name(&tab, title.clone());
+                    tab = tab.on_hover_text(title);
                 }
                 if tab.clicked() {
                     if self.is_linked {
