@@ -106,17 +106,9 @@ pub(crate) fn publish(viewer: &Viewer) {
         "memory": memory(),
     });
     let fault = document.and_then(|document| document.painter.fault()).map(str::to_owned);
-    tell(&viewer.message().or(fault).unwrap_or_default());
+    says(&viewer.message().or(fault).unwrap_or_default());
     let picture = document.and_then(|document| document.painter.image());
     SHOWN.set((state.to_string(), picture));
-}
-
-/// Lets screen readers say what the viewer draws as text.
-fn tell(text: &str) {
-    let place = document().get_element_by_id("said");
-    if let Some(place) = place.filter(|place| place.text_content().as_deref() != Some(text)) {
-        place.set_text_content(Some(text));
-    }
 }
 
 /// Returns the bytes of the program's memory, which never shrinks.
@@ -162,6 +154,9 @@ extern "C" {
     /// Of page.js: says that the viewer has stopped, and why.
     #[wasm_bindgen(js_name = adjsplatStopped)]
     fn stopped(why: &str);
+    /// Of page.js: lets screen readers say what the viewer draws as text.
+    #[wasm_bindgen(js_name = adjsplatSays)]
+    fn says(text: &str);
 }
 
 /// Sets the title of the page.

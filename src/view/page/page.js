@@ -11,6 +11,12 @@ function say(text) {
 // The viewer calls this before it stops for good.
 globalThis.adjsplatStopped = (text) => say(`The viewer has stopped (${text}). Load the page again.`);
 
+// The viewer calls this with what it says on the canvas, which screen readers do not see.
+globalThis.adjsplatSays = (text) => {
+  const said = document.getElementById("said");
+  if (said.textContent !== text) said.textContent = text;
+};
+
 // The first device draws the window. If it is lost, nothing is shown any more.
 function watchFirstDevice() {
   const request = GPUAdapter.prototype.requestDevice;
