@@ -9,7 +9,7 @@ use adjsplat::build::Built;
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat};
-use adjsplat::splat::{Camera, ClipPlane, Lighting, Mode, Quality, Scene, Settings, cpu};
+use adjsplat::splat::{Camera, ClipPlane, Lighting, Mode, Projection, Quality, Scene, Settings, cpu};
 use adjsplat::traverse::{Sense, SplitForm, VoxelBox};
 use adjsplat_tests::pictures::{decibels, shows};
 use adjsplat_tests::scenes::{Draw as _, LIT_LAYERS, built, fitting, real_volumes, transfer, volume};
@@ -131,6 +131,21 @@ fn eyes_before_a_face() {
     let view = |[x, toward]: [f64; 2]| (inside(&built, [x, 20.0, 18.5], [toward, 0.0, 0.0]), high([96, 80]));
     let views: Vec<_> = places.map(view).collect();
     check("before a face", built.scene(), &views);
+}
+
+/// Samples less than a voxel in front of the eye lacked the voxels behind it: 42 dB.
+#[test]
+fn a_maximum_among_voxels_in_wide_views() {
+    let built =
+        phantom("noise", [20, 22, 24], [1.0, 0.8, 1.3], transfer(r#"{ "kind": "range", "low": 0, "high": 255 }"#), 8);
+    let mut views = Vec::new();
+    for eye in [[9.7, 1.03, 15.1], [10.2, 8.4, 17.6], [10.0, 8.0, 13.0], [9.5, -0.4, 15.0], [18.6, 16.5, 29.5]] {
+        for fov in [120.0, 150.0, 175.0] {
+            let camera = Camera::new(eye, [9.5, 8.4, 15.0], [0.1, 0.2, 1.0], Projection::Perspective { fov }).unwrap();
+            views.push((camera, high([96, 80]).with_mode(Mode::MaximumGrey)));
+        }
+    }
+    check("a maximum among voxels", built.scene(), &views);
 }
 
 #[test]

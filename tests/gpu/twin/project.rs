@@ -393,10 +393,10 @@ fn value_splat(frame: &FrameUniform, voxel: &VisitedVoxel, xyz: [u32; 3], share:
     } else {
         let [right, up, depth] = [0, 1, 2].map(|r| coordinate(&frame.rows[r], frame.shifts[r], xyz, offset));
         let reach = frame.ellipse;
-        if !(depth > 0.0 && depth + reach[2] >= frame.near) {
+        if depth + reach[2] < frame.near {
             return EMPTY;
         }
-        closeness = 1.0 / depth;
+        closeness = if depth > reach[2] { 1.0 / depth } else { 0.0 };
         x = nearest_pixel(frame.centre[0] + frame.focal * (right * closeness));
         y = nearest_pixel(frame.centre[1] - frame.focal * (up * closeness));
         let nearest = (depth - reach[2]).max(frame.near);

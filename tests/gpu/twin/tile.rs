@@ -91,9 +91,14 @@ fn sample_weights(frame: &FrameUniform, splat: &Splat, dx: f32, dy: f32) -> [f32
     let mut shares = [0.5, 1.0, 0.5];
     if frame.is_perspective == 1 {
         let (from_eye, closeness) = ([splat.falloff_x, splat.falloff_y], splat.green);
-        let along = splat.shear * closeness + moved[0];
-        apart = [0, 1].map(|a| (moved[a + 1] * splat.shear - from_eye[a] * moved[0]) / along);
-        step = [0, 1].map(|a| 0.5 * (from_eye[a] * closeness + moved[a + 1]) / along);
+        let (mut base, mut missed) = ([splat.shear, from_eye[0], from_eye[1]].map(|part| part * closeness), [0.0; 2]);
+        if closeness == 0.0 {
+            base = frame.sample_rays.map(|ray| ray[3]);
+            missed = [0, 1].map(|a| base[a + 1] * splat.shear - from_eye[a] * base[0]);
+        }
+        let along = base[0] + moved[0];
+        apart = [0, 1].map(|a| (missed[a] + (moved[a + 1] * splat.shear - from_eye[a] * moved[0])) / along);
+        step = [0, 1].map(|a| 0.5 * (base[a + 1] + moved[a + 1]) / along);
         for (share, half) in shares.iter_mut().zip([-0.5, 0.0, 0.5]) {
             let is_seen = (splat.shear + half) / along >= frame.near;
             *share = if is_seen { *share } else { 0.0 };

@@ -274,10 +274,12 @@ impl FrameUniform {
                 }
                 self.half_width = reach.map(|reach| reach as f32 + 0.01);
             }
-            MaximumRays::Perspective { eye, direction, reach, near, .. } => {
+            MaximumRays::Perspective { eye, direction, reach, near, centre, .. } => {
                 self.near = *near as f32;
                 for a in 0..3 {
-                    self.sample_rays[a] = [direction[a][0] as f32, direction[a][1] as f32, eye[a] as f32, 0.0];
+                    let [by_column, by_row, first] = direction[a];
+                    let ahead = first + by_column * centre[0] + by_row * centre[1];
+                    self.sample_rays[a] = [by_column, by_row, eye[a], ahead].map(|number| number as f32);
                     self.ellipse[a] = reach[a] as f32;
                 }
             }

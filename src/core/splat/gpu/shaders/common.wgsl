@@ -17,8 +17,9 @@ struct FrameUniform {
     // Widths of kernels along x, y, z, as shares of the widest, by how far a block's visible part is from its centre.
     widths: array<vec4<f32>, 3>,
     // For the slow, medium and fast axis, in a maximum. Perspective: by how much the ray's direction grows with the column
-    // and with the row, in voxels per mean spacing along the view axis; the eye, in voxels. Parallel, not for the slow axis:
-    // by how much the ray's point in a slice moves with the column and with the row, and in half a slice, in voxels.
+    // and with the row, in voxels per mean spacing along the view axis; the eye, in voxels; the view axis's direction.
+    // Parallel, not for the slow axis: by how much the ray's point in a slice moves with the column and with the row, and in
+    // half a slice, in voxels.
     sample_rays: array<vec4<f32>, 3>,
     eye: vec4<f32>, // Perspective: the eye. Parallel: the unit vector toward it.
     light: vec4<f32>, // Unit vector toward the light.

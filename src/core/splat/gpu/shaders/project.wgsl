@@ -341,8 +341,9 @@ fn between(first: f32, last: f32, low: i32, high: i32) -> vec2<i32> {
     return vec2<i32>(max(nearest_pixel(first + 0.49).nearest, low), min(nearest_pixel(last - 0.49).nearest, high));
 }
 
-// Returns the voxel of a maximum, which lies at its grid point: cpu/scatter/maximum.rs, MaximumRays::pixels. Voxels behind the eye are left
-// out.
+// Returns the voxel of a maximum, which lies at its grid point: cpu/scatter/maximum.rs, MaximumRays::pixels. Its pixels
+// are counted from its own. That of a voxel beside or behind the eye may be anywhere or nowhere: its closeness is 0, and
+// its pixels are counted from the picture's centre.
 fn value_splat(voxel: VisitedVoxel, xyz: vec3<u32>, share: f32) -> Splat {
     let value = look_of(voxel.record, share).w;
     let offset = vec3<f32>(0.0);
@@ -362,10 +363,10 @@ fn value_splat(voxel: VisitedVoxel, xyz: vec3<u32>, share: f32) -> Splat {
     } else {
         let depth = coordinate(frame.rows[2], frame.shifts.z, xyz, offset);
         let reach = frame.ellipse.xyz;
-        if !(depth > 0.0 && depth + reach.z >= frame.near) {
+        if !(depth + reach.z >= frame.near) {
             return nothing();
         }
-        closeness = 1.0 / depth;
+        closeness = select(0.0, 1.0 / depth, depth > reach.z);
         let right = coordinate(frame.rows[0], frame.shifts.x, xyz, offset);
         let up = coordinate(frame.rows[1], frame.shifts.y, xyz, offset);
         x = nearest_pixel(frame.centre.x + frame.focal * (right * closeness));

@@ -83,7 +83,7 @@ fn tent(distance: f32) -> f32 {
 }
 
 // Returns the weights of a voxel in the samples half a slice before it, at it and half a slice after it, at a pixel `dx`,
-// `dy` pixels from it.
+// `dy` pixels from it; if its closeness is 0, from the picture's centre.
 fn sample_weights(shape: vec4<f32>, closeness: f32, dx: f32, dy: f32) -> vec3<f32> {
     let moved = vec3<f32>(
         frame.sample_rays[0].x * dx + frame.sample_rays[0].y * dy,
@@ -94,10 +94,16 @@ fn sample_weights(shape: vec4<f32>, closeness: f32, dx: f32, dy: f32) -> vec3<f3
     var step = vec2<f32>(frame.sample_rays[1].z, frame.sample_rays[2].z);
     var shares = vec3<f32>(0.5, 1.0, 0.5);
     if frame.is_perspective == 1u {
-        let from_eye = shape.xy;
-        let along = shape.z * closeness + moved.x;
-        apart = (moved.yz * shape.z - from_eye * moved.x) / along;
-        step = 0.5 * (from_eye * closeness + moved.yz) / along;
+        // The ray whose pixel the others are counted from; the voxel's own does not miss it.
+        var base = shape.zxy * closeness;
+        var missed = vec2<f32>(0.0);
+        if closeness == 0.0 {
+            base = vec3<f32>(frame.sample_rays[0].w, frame.sample_rays[1].w, frame.sample_rays[2].w);
+            missed = base.yz * shape.z - shape.xy * base.x;
+        }
+        let along = base.x + moved.x;
+        apart = (missed + (moved.yz * shape.z - shape.xy * moved.x)) / along;
+        step = 0.5 * (base.yz + moved.yz) / along;
         let depths = (vec3<f32>(shape.z) + vec3<f32>(-0.5, 0.0, 0.5)) / along;
         shares = select(vec3<f32>(0.0), shares, depths >= vec3<f32>(frame.near));
     }
