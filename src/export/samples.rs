@@ -106,7 +106,7 @@ pub(crate) fn fill(voxels: &StoredVoxels, sample_type: SampleType, given: Option
             Some((lowest, highest)) => format!("whole numbers from {lowest} to {highest}"),
             None => "up to 3.4e38".to_owned(),
         };
-        let why = format!("is {value}, but samples of this export are {}: {range}", sample_type.name());
+        let why = format!("is {value:?}, but samples of this export are {}: {range}", sample_type.name());
         return Err(Error::input("fill", why));
     }
     let (lowest, highest) = sample_type.integer_range().unwrap_or((f64::from(f32::MIN), f64::from(f32::MAX)));

@@ -9,6 +9,7 @@ use std::io::BufReader;
 use std::path::Path;
 
 use exr::meta::MetaData;
+use exr::meta::attribute::ChannelList;
 use exr::prelude::{AttributeValue, ReadChannels as _, ReadLayers as _};
 
 use crate::write::PART;
@@ -141,7 +142,11 @@ struct ExrPixels {
 }
 
 fn read_exr(path: &Path) -> Result<Frame> {
-    exr_headers(path)?;
+    let headers = exr_headers(path)?.headers;
+    let has = |channels: &ChannelList, name: &str| channels.list.iter().any(|channel| channel.name == *name);
+    if !headers.iter().any(|header| ["R", "G", "B"].iter().all(|name| has(&header.channels, name))) {
+        return Err(Error::input(path.display().to_string(), "has no layer with the channels R, G and B"));
+    }
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()

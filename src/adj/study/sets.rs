@@ -266,7 +266,7 @@ pub(super) enum SetChoice {
 }
 
 fn opened(path: &Path) -> Result<Set> {
-    if !starts_as_adj(path)? {
+    if path.is_file() && !starts_as_adj(path)? {
         let why = "is no .adj file; build one first: adj build VOLUME --range LOW.. -o FILE.adj";
         return Err(Error::input(path.display().to_string(), why));
     }

@@ -133,6 +133,6 @@ impl ErrorSums {
 
     fn errors(&self) -> SampleErrors {
         let mean = self.squares / self.samples.max(1) as f64;
-        SampleErrors { psnr: -10.0 * mean.log10(), rmse: mean.sqrt(), max_abs: self.worst }
+        SampleErrors { psnr: 10.0 * mean.recip().log10(), rmse: mean.sqrt(), max_abs: self.worst }
     }
 }

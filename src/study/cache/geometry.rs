@@ -64,7 +64,8 @@ impl Associativity {
 
     /// Parses `SIZE/WAYS`, where WAYS may be `full`; each place holds `place_bytes` bytes.
     fn parse(text: &str, place_bytes: u64) -> Result<Associativity> {
-        let wrong = |why: &str| Error::input(format!("geometry {text}"), format!("{why}; write 32KiB/8 or 64/full"));
+        let wrong =
+            |why: &str| Error::input(format!("cache geometry '{text}'"), format!("{why}; write 32KiB/8 or 64/full"));
         let (size, ways) = text.split_once('/').ok_or_else(|| wrong("has no '/'"))?;
         let digits = size.find(|c: char| !c.is_ascii_digit()).unwrap_or(size.len());
         let number: u64 = size[..digits].parse().map_err(|_| wrong("has no size that is a number"))?;
