@@ -7,7 +7,7 @@ use adjsplat::traverse::VoxelBox;
 use adjsplat::{Model, TransferFunction};
 use egui::{Context, Id};
 
-use crate::draw::{Canvas, Painter, Renderer};
+use crate::draw::{DeviceModel, Painter, Renderer};
 use crate::editor::ui::EditorState;
 use crate::editor::{Edited, History, StoredValues};
 use crate::look::{Eye, ViewLook};
@@ -93,7 +93,7 @@ impl Document {
             edits: History::new(edited),
             editor: EditorState::default(),
             missing: Vec::new(),
-            painter: Painter::new(context, renderer, Canvas::new(remote)),
+            painter: Painter::new(context, renderer, DeviceModel::new(remote)),
             motion: Motion::default(),
             focus: None,
             needs_fit: true,
@@ -108,7 +108,7 @@ impl Document {
 
     /// Goes on with what has arrived of a file elsewhere; what the user changed stays. Returns why no more arrives.
     pub(crate) fn take_news(&mut self) -> Option<String> {
-        let remote = self.painter.canvas().remote()?.clone();
+        let remote = self.painter.device_model().remote()?.clone();
         if remote.has_news() {
             let arrived = remote.model().and_then(|model| {
                 let stored = StoredValues::of(&model)?;
@@ -132,13 +132,13 @@ impl Document {
 
     /// Returns whether none of the voxels could be fetched.
     pub(crate) fn is_lost(&self) -> bool {
-        self.painter.canvas().remote().is_some_and(|remote| remote.has_failed() && !remote.has_arrived())
+        self.painter.device_model().remote().is_some_and(|remote| remote.has_failed() && !remote.has_arrived())
     }
 
     /// Returns, of a file on a server, the bytes that have been fetched, and those of the whole file.
     pub fn fetched(&self) -> Option<[u64; 2]> {
         let [fetched, whole] = self.fetched?;
-        Some([self.painter.canvas().remote().map_or(fetched, |remote| remote.fetched()), whole])
+        Some([self.painter.device_model().remote().map_or(fetched, |remote| remote.fetched()), whole])
     }
 
     /// Returns the number of changes of the model, and how often more of it has arrived.
@@ -208,12 +208,12 @@ impl Document {
     pub fn begin_pick(&mut self, context: &Context, origin: glam::DVec3, direction: glam::DVec3) {
         let (sender, receiver) = channel();
         let (model, look, context) = (self.model.clone(), self.look.clone(), context.clone());
-        let canvas = self.painter.canvas().clone();
+        let device_model = self.painter.device_model().clone();
         crate::background::run(async move || {
             let ray = Ray::new(&model, &look, origin, direction);
-            let found = match canvas.remote() {
+            let found = match device_model.remote() {
                 None => ray.pick(None),
-                Some(_) => match canvas.tiles_back(&model, |bounds| ray.meets(bounds)).await {
+                Some(_) => match device_model.tiles_back(&model, |bounds| ray.meets(bounds)).await {
                     Ok(tiles) => ray.pick(Some(&tiles.view())),
                     Err(fault) => Err(fault),
                 },

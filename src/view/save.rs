@@ -13,7 +13,7 @@ use adjsplat::{Model, TransferFunction};
 use adjsplat_pictures::{Picture, PictureKind, SampleDepth, numbered, write_png};
 use egui::Context;
 
-use crate::draw::Canvas;
+use crate::draw::DeviceModel;
 use crate::look::ViewLook;
 
 /// How a picture is saved.
@@ -37,7 +37,7 @@ pub(crate) struct PictureJob {
     pub(crate) look: ViewLook,
     pub(crate) form: PictureForm,
     /// The device that draws; `None` for the processor.
-    pub(crate) canvas: Option<Canvas>,
+    pub(crate) device_model: Option<DeviceModel>,
 }
 
 impl PictureJob {
@@ -67,14 +67,14 @@ impl Saving {
         let own = (path.to_owned(), context.clone(), done.clone(), is_cancelled.clone());
         crate::background::run(async move || {
             let (path, context, done, is_cancelled) = own;
-            let PictureJob { model, look, form, canvas } = job;
+            let PictureJob { model, look, form, device_model } = job;
             let step = |frames| {
                 done.store(frames, Ordering::Relaxed);
                 context.request_repaint();
                 if is_cancelled.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
             };
             // Nobody receives if the window was closed.
-            let _ = sender.send(save(&path, &model, &look, form, canvas.as_ref(), step).await);
+            let _ = sender.send(save(&path, &model, &look, form, device_model.as_ref(), step).await);
             context.request_repaint();
         });
         Saving { files, frames, done, is_cancelled, result }
@@ -112,7 +112,7 @@ impl Saving {
 }
 
 /// Draws a picture, or a full turn, and writes it, as a whole or not at all. `step` is called after each picture. The
-/// processor draws, or the device of `canvas`.
+/// processor draws, or the device.
 ///
 /// A turn goes into one .apng file, or into numbered files beside `path`: picture-000.png and so on. They replace no files.
 ///
@@ -124,7 +124,7 @@ pub async fn save(
     model: &Model,
     look: &ViewLook,
     form: PictureForm,
-    canvas: Option<&Canvas>,
+    device_model: Option<&DeviceModel>,
     step: impl Fn(usize) -> Result<()>,
 ) -> Result<()> {
     let kind = PictureKind::of(path)?;
@@ -140,9 +140,9 @@ pub async fn save(
         let mut eye = look.eye;
         eye.orbit([360.0 * f64::from(index) / f64::from(form.frames), 0.0]);
         let camera = eye.camera()?;
-        let mut frame: Frame = match canvas {
+        let mut frame: Frame = match device_model {
             None => model.render(&camera, &settings)?,
-            Some(canvas) => canvas.frame(model, &camera, &settings).await?.0,
+            Some(device_model) => device_model.frame(model, &camera, &settings).await?.0,
         };
         if !form.is_transparent {
             frame.over(Colour::from_bytes(look.background).linear());

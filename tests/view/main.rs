@@ -16,7 +16,7 @@ use adjsplat_tests::files::skipped;
 use adjsplat_view::app::Viewer;
 use adjsplat_view::background;
 use adjsplat_view::document::Document;
-use adjsplat_view::draw::{Canvas, Renderer, picture};
+use adjsplat_view::draw::{DeviceModel, Renderer, picture};
 use adjsplat_view::editor::Edited;
 use adjsplat_view::look::ViewLook;
 use adjsplat_view::open::{FilePlace, Opening, Wish};
@@ -180,11 +180,11 @@ fn a_graphics_device_draws_the_same_picture() {
     let (device, bytes) = shown.work.device.clone().expect("a device drew it");
     assert!(!device.is_empty() && bytes > 100_000, "{device}: {bytes}");
     assert!(shown.work.splats > 0 && shown.work.walked > 0);
-    // One canvas, as the transfer function changes: what is on the device stays, and colours follow.
-    let canvas = Canvas::default();
+    // One device, as the transfer function changes: what is on the device stays, and colours follow.
+    let device_model = DeviceModel::default();
     let other = TransferFunction::range(150.0, f64::INFINITY).unwrap();
     for model in [document.model.clone(), document.model.with_transfer(other).unwrap(), document.model.clone()] {
-        let drawn = canvas.picture(&model, &document.look, [300, 200], Quality::High);
+        let drawn = device_model.picture(&model, &document.look, [300, 200], Quality::High);
         let (image, _) = pollster::block_on(drawn).unwrap().unwrap();
         let (want, work) = picture(&model, &document.look, [300, 200], Quality::High, None).unwrap();
         let ratio = decibels(&image, &want);

@@ -13,7 +13,7 @@ use adjsplat::splat::Quality;
 use adjsplat::traverse::VoxelBox;
 use adjsplat::{Build, Model, TransferFunction};
 use adjsplat_tests::files::skipped;
-use adjsplat_view::draw::{Canvas, Completeness};
+use adjsplat_view::draw::{Completeness, DeviceModel};
 use adjsplat_view::editor::StoredValues;
 use adjsplat_view::look::{Eye, ViewLook};
 use adjsplat_view::pick::Ray;
@@ -111,18 +111,18 @@ fn lanes_are_fetched_when_a_picture_needs_them_and_others_stand_in_meanwhile() {
     let whole = Model::open(&path).unwrap();
     let memory = Memory::new(&path, Duration::from_millis(150));
     let remote = memory.remote();
-    let (canvas, judge) = (Canvas::new(Some(remote.clone())), Canvas::default());
-    let picture = |canvas: &Canvas, model: &Model, look: &ViewLook| {
-        pollster::block_on(canvas.picture(model, look, SIZE, Quality::Standard)).unwrap().unwrap().0
+    let (device_model, judge) = (DeviceModel::new(Some(remote.clone())), DeviceModel::default());
+    let picture = |device_model: &DeviceModel, model: &Model, look: &ViewLook| {
+        pollster::block_on(device_model.picture(model, look, SIZE, Quality::Standard)).unwrap().unwrap().0
     };
     let model = remote.model().unwrap();
     let first = look(&model, 0.0, 0.0);
-    canvas.begin(&model, &first, SIZE).unwrap();
+    device_model.begin(&model, &first, SIZE).unwrap();
     assert!(remote.fetching().is_some() && !remote.has_arrived());
     wait("the first lane", || remote.fetching().is_none());
     assert!(remote.has_arrived() && remote.has_news() && !remote.has_news());
     let model = remote.model().unwrap();
-    assert!(picture(&canvas, &model, &first) == picture(&judge, &whole, &first));
+    assert!(picture(&device_model, &model, &first) == picture(&judge, &whole, &first));
     let one = remote.fetched();
     assert!(memory.reads.load(Ordering::Relaxed) == 1 && one * 100 < 40 * path.metadata().unwrap().len());
 
@@ -131,25 +131,25 @@ fn lanes_are_fetched_when_a_picture_needs_them_and_others_stand_in_meanwhile() {
         let turned = look(&model, azimuth, elevation);
         let want = picture(&judge, &whole, &turned);
         // Another lane stands in: near, but not the same.
-        let stand_in = picture(&canvas, &model, &turned);
+        let stand_in = picture(&device_model, &model, &turned);
         if remote.fetching().is_some() {
             let near = decibels(&stand_in, &want);
             assert!(near > 20.0, "{near} dB");
             reads += 1;
         }
         wait("the next lane", || remote.fetching().is_none());
-        assert!(picture(&canvas, &model, &turned) == want, "{azimuth}");
+        assert!(picture(&device_model, &model, &turned) == want, "{azimuth}");
         assert_eq!(memory.reads.load(Ordering::Relaxed), reads);
     }
     assert!(reads > 1 && remote.fetched() > one);
     // A saved turn waits for what it needs.
-    let canvas = Canvas::new(Some(memory.remote()));
+    let device_model = DeviceModel::new(Some(memory.remote()));
     for azimuth in [0.0, 85.0] {
         let look = look(&model, azimuth, 5.0);
         let settings = look.settings(model.grid(), SIZE, Quality::Standard).unwrap();
         let camera = look.eye.camera().unwrap();
-        let [got, want] = [(&canvas, &model), (&judge, &whole)]
-            .map(|(canvas, model)| pollster::block_on(canvas.frame(model, &camera, &settings)).unwrap().0);
+        let [got, want] = [(&device_model, &model), (&judge, &whole)]
+            .map(|(device_model, model)| pollster::block_on(device_model.frame(model, &camera, &settings)).unwrap().0);
         assert!(got.pixels() == want.pixels());
     }
 }
@@ -163,14 +163,15 @@ fn voxels_are_picked_on_the_device() {
     let path = file(folder.path());
     let whole = Model::open(&path).unwrap().with_transfer(TransferFunction::range(150.0, 255.0).unwrap()).unwrap();
     let remote = Memory::new(&path, Duration::ZERO).remote();
-    let canvas = Canvas::new(Some(remote.clone()));
+    let device_model = DeviceModel::new(Some(remote.clone()));
     let mut found = 0;
     for azimuth in [0.0, 85.0, 130.0] {
         for fov in [None, Some(40.0)] {
             let mut look = look(&whole, azimuth, 20.0);
             look.eye.fov = fov;
             let settings = look.settings(whole.grid(), SIZE, Quality::Draft).unwrap();
-            pollster::block_on(canvas.frame(&remote.model().unwrap(), &look.eye.camera().unwrap(), &settings)).unwrap();
+            pollster::block_on(device_model.frame(&remote.model().unwrap(), &look.eye.camera().unwrap(), &settings))
+                .unwrap();
             let model = remote.model().unwrap().with_transfer(whole.transfer().clone()).unwrap();
             let [right, up, forward] = look.eye.axes();
             for at in [[0.0, 0.0], [6.0, 3.0], [-11.0, 7.0], [60.0, 0.0]] {
@@ -186,7 +187,7 @@ fn voxels_are_picked_on_the_device() {
                     asked.fetch_add(1, Ordering::Relaxed);
                     ray.meets(bounds)
                 };
-                let tiles = pollster::block_on(canvas.tiles_back(&model, wants)).unwrap();
+                let tiles = pollster::block_on(device_model.tiles_back(&model, wants)).unwrap();
                 assert!(tiles.tiles.len() < asked.load(Ordering::Relaxed), "few tiles lie on a ray");
                 assert_eq!(ray.pick(Some(&tiles.view())).unwrap(), want, "{azimuth} {fov:?} {at:?}");
                 found += usize::from(want.is_some());
@@ -211,20 +212,20 @@ fn a_file_that_changes_is_named_and_not_fetched_again() {
         arena.lanes().map(|lane| lane.values.as_ptr() as usize - whole.as_ptr() as usize).collect::<Vec<_>>()
     };
     place.iter().for_each(|at| memory.bytes.lock().unwrap()[*at] ^= 1);
-    let canvas = Canvas::new(Some(remote.clone()));
+    let device_model = DeviceModel::new(Some(remote.clone()));
     let model = remote.model().unwrap();
     let look = look(&model, 0.0, 0.0);
-    canvas.begin(&model, &look, SIZE).unwrap();
+    device_model.begin(&model, &look, SIZE).unwrap();
     wait("the fault", || remote.fetching().is_none());
     let fault = remote.fault().unwrap();
     assert!(fault.starts_with("ball.adj: ") && fault.contains("changed while it was fetched"), "{fault}");
     assert_eq!(remote.fault(), None, "it is told once");
     let reads = memory.reads.load(Ordering::Relaxed);
-    canvas.begin(&model, &look, SIZE).unwrap();
+    device_model.begin(&model, &look, SIZE).unwrap();
     assert!(remote.fetching().is_none() && memory.reads.load(Ordering::Relaxed) == reads);
     let settings = look.settings(model.grid(), SIZE, Quality::Draft).unwrap();
     let camera = Eye { azimuth: 85.0, ..look.eye }.camera().unwrap();
-    let fault = pollster::block_on(canvas.frame(&model, &camera, &settings)).unwrap_err();
+    let fault = pollster::block_on(device_model.frame(&model, &camera, &settings)).unwrap_err();
     assert!(matches!(fault, Error::Input { .. }), "a picture that is saved is whole, or is not: {fault}");
 }
 
@@ -236,12 +237,12 @@ fn after_a_failed_fetch_the_next_view_tries_again() {
     let folder = tempfile::tempdir().unwrap();
     let memory = Memory::new(&file(folder.path()), Duration::ZERO);
     let remote = memory.remote();
-    let canvas = Canvas::new(Some(remote.clone()));
+    let device_model = DeviceModel::new(Some(remote.clone()));
     let model = remote.model().unwrap();
     let first = look(&model, 5.0, 10.0);
     let reads = || memory.reads.load(Ordering::Relaxed);
     let draw = |look: &ViewLook| {
-        let drawn = pollster::block_on(canvas.picture(&model, look, SIZE, Quality::High)).unwrap();
+        let drawn = pollster::block_on(device_model.picture(&model, look, SIZE, Quality::High)).unwrap();
         wait("an answer", || remote.fetching().is_none());
         drawn.map(|(_, work)| work.completeness)
     };
@@ -268,11 +269,11 @@ fn closing_a_file_stops_what_is_fetched() {
     let path = file(folder.path());
     let memory = Memory::new(&path, Duration::from_millis(300));
     let remote = memory.remote();
-    let canvas = Canvas::new(Some(remote.clone()));
+    let device_model = DeviceModel::new(Some(remote.clone()));
     let model = remote.model().unwrap();
-    canvas.begin(&model, &look(&model, 0.0, 0.0), SIZE).unwrap();
+    device_model.begin(&model, &look(&model, 0.0, 0.0), SIZE).unwrap();
     let gone = Arc::downgrade(&remote);
-    drop((remote, canvas));
+    drop((remote, device_model));
     wait("the end", || gone.upgrade().is_none());
 }
 
@@ -294,7 +295,7 @@ fn coarse_levels_are_seen_first_and_each_lane_is_fetched_once() {
     let (whole, size) = (Model::open(&path).unwrap(), path.metadata().unwrap().len());
     assert_eq!(whole.scene().lanes.detail().levels.len(), 3);
     let remote = Memory::new(&path, Duration::from_millis(30)).remote();
-    let (canvas, judge) = (Canvas::new(Some(remote.clone())), Canvas::default());
+    let (device_model, judge) = (DeviceModel::new(Some(remote.clone())), DeviceModel::default());
     // From where a draft draws level 1, and high quality the voxels.
     let from = |azimuth, elevation| {
         let mut look = look(&whole, azimuth, elevation);
@@ -302,7 +303,7 @@ fn coarse_levels_are_seen_first_and_each_lane_is_fetched_once() {
         look
     };
     let first = from(10.0, 5.0);
-    canvas.begin(&remote.model().unwrap(), &first, SIZE).unwrap();
+    device_model.begin(&remote.model().unwrap(), &first, SIZE).unwrap();
     wait("the coarsest level", || remote.has_arrived());
     assert!(remote.fetched() * 10 < size, "{} of {size}", remote.fetched());
     let counted = |model: &Model| StoredValues::of(model).unwrap().counts.iter().sum::<u64>();
@@ -314,7 +315,7 @@ fn coarse_levels_are_seen_first_and_each_lane_is_fetched_once() {
         loop {
             wait("what is fetched", || remote.fetching().is_none());
             let model = remote.model().unwrap();
-            let drawn = pollster::block_on(canvas.picture(&model, &first, SIZE, quality)).unwrap();
+            let drawn = pollster::block_on(device_model.picture(&model, &first, SIZE, quality)).unwrap();
             let want = pollster::block_on(judge.picture(&whole, &first, SIZE, quality)).unwrap().unwrap().0;
             match drawn {
                 Some((image, work)) if work.completeness == Completeness::Whole => {
@@ -338,12 +339,12 @@ fn coarse_levels_are_seen_first_and_each_lane_is_fetched_once() {
     // Where the view turns, the level that is there is enough until the voxels have arrived.
     let turned = from(5.0, 70.0);
     let model = remote.model().unwrap();
-    let draft = pollster::block_on(canvas.picture(&model, &turned, SIZE, Quality::Draft)).unwrap().unwrap();
+    let draft = pollster::block_on(device_model.picture(&model, &turned, SIZE, Quality::Draft)).unwrap().unwrap();
     assert!(remote.fetching().is_none() && draft.1.completeness == Completeness::Whole);
     let want = pollster::block_on(judge.picture(&whole, &turned, SIZE, Quality::Draft)).unwrap().unwrap().0;
     let near = decibels(&draft.0, &want);
     assert!(near > 20.0, "{near} dB");
-    let high = || pollster::block_on(canvas.picture(&model, &turned, SIZE, Quality::High)).unwrap();
+    let high = || pollster::block_on(device_model.picture(&model, &turned, SIZE, Quality::High)).unwrap();
     assert!(high().is_none() && remote.fetching().is_some_and(|(lane, _)| lane.level == 0));
     wait("the next lane", || remote.fetching().is_none());
     let want = pollster::block_on(judge.picture(&whole, &turned, SIZE, Quality::High)).unwrap().unwrap().0;
@@ -361,19 +362,19 @@ fn a_view_from_afar_fetches_levels_alone() {
     let (whole, size) = (Model::open(&path).unwrap(), path.metadata().unwrap().len());
     for fov in [None, Some(30.0)] {
         let remote = Memory::new(&path, Duration::ZERO).remote();
-        let (canvas, judge) = (Canvas::new(Some(remote.clone())), Canvas::default());
+        let (device_model, judge) = (DeviceModel::new(Some(remote.clone())), DeviceModel::default());
         let mut look = look(&whole, 20.0, 10.0);
         look.eye.fov = fov;
         look.eye.height *= 20.0;
-        canvas.begin(&remote.model().unwrap(), &look, SIZE).unwrap();
+        device_model.begin(&remote.model().unwrap(), &look, SIZE).unwrap();
         wait("a level", || remote.fetching().is_none());
-        let picture = |canvas: &Canvas, model: &Model| {
-            pollster::block_on(canvas.picture(model, &look, SIZE, Quality::Standard)).unwrap().unwrap()
+        let picture = |device_model: &DeviceModel, model: &Model| {
+            pollster::block_on(device_model.picture(model, &look, SIZE, Quality::Standard)).unwrap().unwrap()
         };
-        let mut drawn = picture(&canvas, &remote.model().unwrap());
+        let mut drawn = picture(&device_model, &remote.model().unwrap());
         while drawn.1.completeness != Completeness::Whole {
             wait("a level", || remote.fetching().is_none());
-            drawn = picture(&canvas, &remote.model().unwrap());
+            drawn = picture(&device_model, &remote.model().unwrap());
         }
         assert!(drawn.0 == picture(&judge, &whole).0);
         assert!(remote.fetched() * 4 < size, "{fov:?}: {} of {size}", remote.fetched());
@@ -402,9 +403,9 @@ fn fault_of_a_damaged_level(is_local: bool) -> String {
         lanes.lanes().map(|lane| lane.coverages.as_ptr() as usize - whole.as_ptr() as usize).collect()
     };
     places.iter().for_each(|at| memory.bytes.lock().unwrap()[*at] ^= 1);
-    let canvas = Canvas::new(Some(remote.clone()));
+    let device_model = DeviceModel::new(Some(remote.clone()));
     let model = remote.model().unwrap();
-    canvas.begin(&model, &look(&model, 0.0, 0.0), SIZE).unwrap();
+    device_model.begin(&model, &look(&model, 0.0, 0.0), SIZE).unwrap();
     wait("the fault", || remote.fetching().is_none());
     let fault = remote.fault().unwrap();
     assert!(remote.has_failed() && !remote.has_arrived());

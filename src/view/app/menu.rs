@@ -164,7 +164,9 @@ impl Viewer {
         ui.add_space(2.0);
         ui.horizontal(|ui| {
             for document in &self.documents {
-                if let Some((lane, share)) = document.painter.canvas().remote().and_then(|remote| remote.fetching()) {
+                if let Some((lane, share)) =
+                    document.painter.device_model().remote().and_then(|remote| remote.fetching())
+                {
                     let voxels = match lane.level {
                         0 => "the voxels".into(),
                         level => format!("level {level}"),

@@ -67,7 +67,7 @@ fn picture(driven: &Driven, frames: u32) -> Purpose {
     let Document { model, look, .. } = &driven.state().documents[0];
     let quality = Quality::Draft;
     let form = PictureForm { size: [16, 12], is_transparent: false, is_deep: false, quality, frames };
-    Purpose::SavePicture(Box::new(PictureJob { model: model.clone(), look: look.clone(), form, canvas: None }))
+    Purpose::SavePicture(Box::new(PictureJob { model: model.clone(), look: look.clone(), form, device_model: None }))
 }
 
 #[test]

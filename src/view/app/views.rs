@@ -74,14 +74,14 @@ impl Viewer {
         let (model, version) = (document.model.clone(), document.version());
         let [r, g, b] = document.look.background;
         let painter = ui.painter_at(rect);
-        let canvas = document.painter.canvas().clone();
+        let device_model = document.painter.device_model().clone();
         let wait = |text| {
             painter.rect_filled(rect, 0.0, Color32::from_rgb(r, g, b));
             overlay::message(&painter, rect, text, contrast([r, g, b]));
         };
-        if let Some(remote) = canvas.remote().filter(|remote| !remote.has_arrived()) {
+        if let Some(remote) = device_model.remote().filter(|remote| !remote.has_arrived()) {
             wait(if remote.has_failed() { "The voxels could not be fetched" } else { "Fetching the first voxels …" });
-            if let Err(fault) = canvas.begin(&model, &document.look, size) {
+            if let Err(fault) = device_model.begin(&model, &document.look, size) {
                 document.note = Some(fault.to_string());
             }
         } else if let Some(image) = document.painter.paint(&model, version, &document.look, size, time) {

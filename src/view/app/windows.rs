@@ -193,8 +193,9 @@ impl Viewer {
             });
         if saves {
             // On a desktop the processor draws, whose pictures are those of `adj render` bit for bit.
-            let canvas = cfg!(target_arch = "wasm32").then(|| document.painter.canvas().clone());
-            let job = PictureJob { model: document.model.clone(), look: document.look.clone(), form: *form, canvas };
+            let device_model = cfg!(target_arch = "wasm32").then(|| document.painter.device_model().clone());
+            let job =
+                PictureJob { model: document.model.clone(), look: document.look.clone(), form: *form, device_model };
             self.ask_for_file(context, Purpose::SavePicture(Box::new(job)));
         }
         self.form_is_open = is_open && !saves && !context.input(|input| input.key_pressed(Key::Escape));

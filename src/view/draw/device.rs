@@ -21,7 +21,7 @@ use crate::remote::{LaneOf, Remote};
 
 /// What a device keeps of one model, and where it gets the rest. Clones share it.
 #[derive(Clone, Default)]
-pub struct Canvas {
+pub struct DeviceModel {
     device: Arc<Mutex<OnDevice>>,
     /// The file, if its voxels are not in memory.
     remote: Option<Arc<Remote>>,
@@ -139,10 +139,10 @@ impl StandIn {
     }
 }
 
-impl Canvas {
-    /// Creates a canvas for a model whose voxels are in `remote`, if they are not in memory.
-    pub fn new(remote: Option<Arc<Remote>>) -> Canvas {
-        Canvas { device: Arc::default(), remote }
+impl DeviceModel {
+    /// Creates a model on a device, for a model whose voxels are in `remote`, if they are not in memory.
+    pub fn new(remote: Option<Arc<Remote>>) -> DeviceModel {
+        DeviceModel { device: Arc::default(), remote }
     }
 
     /// Returns the file, if its voxels are not in memory.
@@ -172,7 +172,7 @@ impl Canvas {
     /// at [`Quality::High`] until all that it needs is there.
     ///
     /// # Errors
-    /// The errors of the camera, the settings and [`Canvas::frame`].
+    /// The errors of the camera, the settings and [`DeviceModel::frame`].
     pub async fn picture(
         &self,
         model: &Model,

@@ -21,7 +21,7 @@ use adjsplat::splat::{Frame, Quality, Settings, StopRequest};
 use egui::{Color32, ColorImage, Context};
 
 use crate::look::ViewLook;
-pub use device::Canvas;
+pub use device::DeviceModel;
 pub(crate) use device::OnDevice;
 use draft_size::DraftSize;
 pub use texture::install;
@@ -49,7 +49,7 @@ pub struct Shown {
 /// Draws the pictures of one view.
 pub struct Painter {
     context: Context,
-    canvas: Canvas,
+    device_model: DeviceModel,
     draft: Worker,
     /// Draws finer pictures, if that is not the same worker.
     finer: Option<Worker>,
@@ -71,14 +71,14 @@ pub struct Painter {
 }
 
 impl Painter {
-    /// Creates a painter, which draws on `canvas` if a device draws; it wakes `context` when a picture is ready.
-    pub fn new(context: &Context, renderer: Renderer, canvas: Canvas) -> Painter {
+    /// Creates a painter, which draws on `device_model` if a device draws; it wakes `context` when a picture is ready.
+    pub fn new(context: &Context, renderer: Renderer, device_model: DeviceModel) -> Painter {
         let (sender, results) = channel();
-        let worker = || Worker::new(renderer, canvas.clone(), sender.clone(), context.clone());
+        let worker = || Worker::new(renderer, device_model.clone(), sender.clone(), context.clone());
         let (draft, finer) = (worker(), (renderer == Renderer::Processor).then(worker));
         Painter {
             context: context.clone(),
-            canvas,
+            device_model,
             draft,
             finer,
             results,
@@ -96,8 +96,8 @@ impl Painter {
     }
 
     /// Returns what the device keeps.
-    pub(crate) fn canvas(&self) -> &Canvas {
-        &self.canvas
+    pub(crate) fn device_model(&self) -> &DeviceModel {
+        &self.device_model
     }
 
     /// Returns the best picture so far; asks for better ones. `version` counts changes of the model, and how often more of it has
@@ -131,7 +131,7 @@ impl Painter {
         self.arrivals = arrivals;
         // What arrives will be drawn anew.
         let is_part = self.shown.as_ref().is_none_or(|shown| shown.work.completeness == Completeness::Part);
-        if is_part && self.canvas.remote().is_some_and(|remote| remote.fetching().is_some()) {
+        if is_part && self.device_model.remote().is_some_and(|remote| remote.fetching().is_some()) {
             return self.image();
         }
         // A draft of this look first, or there is nothing to see meanwhile.
@@ -169,7 +169,7 @@ impl Painter {
 
     /// Returns whether the picture that is shown is the best of this look.
     pub fn is_finished(&self) -> bool {
-        let is_fetching = self.canvas.remote().is_some_and(|remote| remote.fetching().is_some());
+        let is_fetching = self.device_model.remote().is_some_and(|remote| remote.fetching().is_some());
         !is_fetching && self.is_best()
     }
 
@@ -278,7 +278,7 @@ mod tests {
         let volume = Volume::new([20, 10, 30], vec![9u8; 6000]).unwrap();
         let model = Build::new(TransferFunction::range(1.0, 10.0).unwrap()).run(&volume).unwrap();
         let look = ViewLook::first(&model, model.bounds().unwrap(), [0; 3], [200, 100]).unwrap();
-        let mut painter = Painter::new(&Context::default(), Renderer::Processor, Canvas::new(None));
+        let mut painter = Painter::new(&Context::default(), Renderer::Processor, DeviceModel::new(None));
         let [draft, fine] =
             [Quality::Draft, Quality::High].map(|quality| painter.request(&model, &look, [9, 9], quality));
         assert!(!fine.stop.is_made());

@@ -12,7 +12,7 @@ use egui::{ColorImage, Context};
 use web_time::Instant;
 
 use super::stretch::stretched;
-use super::{Canvas, picture};
+use super::{DeviceModel, picture};
 use crate::background;
 use crate::look::ViewLook;
 
@@ -80,9 +80,14 @@ pub(super) struct Worker {
 }
 
 impl Worker {
-    pub(super) fn new(renderer: Renderer, canvas: Canvas, results: Sender<Drawn>, context: Context) -> Worker {
+    pub(super) fn new(
+        renderer: Renderer,
+        device_model: DeviceModel,
+        results: Sender<Drawn>,
+        context: Context,
+    ) -> Worker {
         let (requests, receiver) = async_channel::unbounded();
-        background::run(move || work(renderer, canvas, receiver, results, context));
+        background::run(move || work(renderer, device_model, receiver, results, context));
         Worker { requests }
     }
 
@@ -94,7 +99,7 @@ impl Worker {
 
 async fn work(
     renderer: Renderer,
-    canvas: Canvas,
+    device_model: DeviceModel,
     requests: async_channel::Receiver<Request>,
     results: Sender<Drawn>,
     context: Context,
@@ -109,7 +114,7 @@ async fn work(
             Renderer::Processor => picture(&model, &look, size, quality, stop)
                 .map(|(image, work)| (stretched(image, view.map(|side| side as usize)), work)),
             // Nothing is drawn until what a finer picture needs has arrived; then it is asked for again.
-            Renderer::Device => match canvas.picture(&model, &look, size, quality).await.transpose() {
+            Renderer::Device => match device_model.picture(&model, &look, size, quality).await.transpose() {
                 Some(picture) => picture,
                 None => continue,
             },

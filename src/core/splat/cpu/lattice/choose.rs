@@ -26,7 +26,7 @@ const FEW_PIXELS: f64 = 2_097_152.0;
 const LEAST_SUMMED_STEP: f64 = 1.5;
 
 /// What a lattice is to show.
-pub(super) struct Subject<'a> {
+pub(super) struct LatticeView<'a> {
     pub(super) view: &'a View,
     /// Indices of the slow, fast and medium axis.
     pub(super) slow_fast_medium: [usize; 3],
@@ -45,7 +45,7 @@ pub(super) struct Subject<'a> {
     pub(super) resolution: Resolution,
 }
 
-impl Subject<'_> {
+impl LatticeView<'_> {
     /// Returns a lattice of this size, with the homography from the picture's pixels to the plane's.
     pub(super) fn lattice(
         &self,
@@ -54,7 +54,7 @@ impl Subject<'_> {
         low_pass: LowPass,
         rays: PlaneRays,
     ) -> Lattice {
-        let Subject { view, kernel, squares, .. } = *self;
+        let LatticeView { view, kernel, squares, .. } = *self;
         Lattice { size, picture: view.size, plane_from_pixel, low_pass, rays, kernel, spread: view.margin, squares }
     }
 }
@@ -88,7 +88,7 @@ impl Lattice {
         // Standard deviations of the widest kernels along the fast and the medium axis.
         let sigmas = [1, 2].map(|n: usize| f64::from(kernel.sigma * widths.of(0)[slow_fast_medium[n]]));
         let slices = f64::from(bounds.high[slow_fast_medium[0]] - bounds.low[slow_fast_medium[0]]) + 1.0;
-        let subject = Subject {
+        let lattice_view = LatticeView {
             view,
             slow_fast_medium,
             low: slow_fast_medium.map(|axis| f64::from(bounds.low[axis])),
@@ -102,16 +102,16 @@ impl Lattice {
             resolution: Resolution::new(view, settings, sigmas, width, [deepest, slices]),
         };
         // An overexposed x-ray shows where sums begin, far out on the kernels.
-        if subject.is_sum && subject.resolution.sharpness > 1.0 {
+        if lattice_view.is_sum && lattice_view.resolution.sharpness > 1.0 {
             return None;
         }
         match &view.map {
-            PixelMap::Parallel { .. } => parallel::plane(&subject),
+            PixelMap::Parallel { .. } => parallel::plane(&lattice_view),
             PixelMap::Perspective { .. } => {
-                if subject.is_sum && width < LEAST_SUMMED_STEP * f64::from(kernel.sigma) {
+                if lattice_view.is_sum && width < LEAST_SUMMED_STEP * f64::from(kernel.sigma) {
                     return None;
                 }
-                perspective::plane(&subject)
+                perspective::plane(&lattice_view)
             }
         }
     }

@@ -4,7 +4,7 @@
 
 use glam::DVec3;
 
-use super::choose::Subject;
+use super::choose::LatticeView;
 use super::low_pass::LowPass;
 use super::resolution::{EdgeRays, SMALL_STEP};
 use super::{Lattice, PlaneRays};
@@ -26,8 +26,8 @@ const LONGEST: f64 = 1.5;
 const WIDEST: f64 = 2.0;
 
 /// Returns the plane, if there is one.
-pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
-    let Subject { view, slow_fast_medium: [slow, fast, medium], low, high, reach, kernel, .. } = *subject;
+pub(super) fn plane(lattice_view: &LatticeView) -> Option<Lattice> {
+    let LatticeView { view, slow_fast_medium: [slow, fast, medium], low, high, reach, kernel, .. } = *lattice_view;
     let PixelMap::Parallel { pixel_from_voxel: [x, y], scale } = &view.map else { return None };
     let area = x[fast] * y[medium] - x[medium] * y[fast];
     // From pixels of the picture to voxels along the fast and the medium axis.
@@ -41,10 +41,10 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     }
     let steps = [fast, medium].map(|axis| x[axis].hypot(y[axis]));
     let rays = EdgeRays { slopes: shift, slice: scale * scale / area.abs() };
-    let voxels = voxels_per_tile(subject, &rays, steps);
+    let voxels = voxels_per_tile(lattice_view, &rays, steps);
     let per_voxel = voxels.map(|voxels| 4.0 / voxels);
     let moves = [0, 1].map(|side: usize| inverse[side].map(|moves| per_voxel[side] * moves));
-    let low_pass = LowPass::new(moves, &[], subject.width);
+    let low_pass = LowPass::new(moves, &[], lattice_view.width);
     if low_pass.deviation * low_pass.most_per_pixel > WIDEST {
         return None;
     }
@@ -80,22 +80,22 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
         origin: [0, 1].map(|side: usize| first[side] / per_voxel[side]),
         strength: (f64::from(kernel.normalisation()) * scale * scale / cross) as f32,
     };
-    Some(subject.lattice(size, plane_from_pixel, low_pass, rays))
+    Some(lattice_view.lattice(size, plane_from_pixel, low_pass, rays))
 }
 
 /// Returns how many voxels a tile has along the fast and the medium axis: as many as [`stamped`] says if they lie on points of the grid.
 ///
 /// `steps`: the distances between voxels along these axes, in pixels of the picture.
-fn voxels_per_tile(subject: &Subject, rays: &EdgeRays, steps: [f64; 2]) -> [f64; 2] {
+fn voxels_per_tile(lattice_view: &LatticeView, rays: &EdgeRays, steps: [f64; 2]) -> [f64; 2] {
     let is_whole = |slope: &f64| (slope - slope.round()).abs() < IN_PHASE;
-    let is_displaced = subject.view.margin > 0.0;
+    let is_displaced = lattice_view.view.margin > 0.0;
     let is_in_phase = match is_displaced {
         true => rays.slopes.iter().any(is_whole),
         false => rays.slopes.iter().all(is_whole) && steps[0].max(steps[1]) > SMALL_STEP,
     };
-    let most = if is_in_phase { subject.sampling.pick(MOST_IN_PHASE) } else { MOST_VOXELS };
+    let most = if is_in_phase { lattice_view.sampling.pick(MOST_IN_PHASE) } else { MOST_VOXELS };
     let voxels = [0, 1].map(|side: usize| {
-        let voxels = 4.0 / subject.resolution.per_voxel(side, rays, steps[side], false);
+        let voxels = 4.0 / lattice_view.resolution.per_voxel(side, rays, steps[side], false);
         let voxels = match (is_displaced, is_in_phase) {
             (true, false) => voxels,
             // Each pixel has the same place in the blocks of all slices, and divisors of a tile are better than 3. Between 2 and

@@ -4,7 +4,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::choose::Subject;
+use super::choose::LatticeView;
 use super::low_pass::LowPass;
 use super::resolution::EdgeRays;
 use super::{Lattice, PlaneRays};
@@ -31,8 +31,8 @@ const AT_ENDS: f64 = 0.8;
 const WIDEST: [f64; 2] = [4.0, 8.0];
 
 /// Returns the plane, if there is one.
-pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
-    let Subject { view, slow_fast_medium, low, high, reach, kernel, .. } = *subject;
+pub(super) fn plane(lattice_view: &LatticeView) -> Option<Lattice> {
+    let LatticeView { view, slow_fast_medium, low, high, reach, kernel, .. } = *lattice_view;
     let (PixelMap::Perspective { camera_from_voxel, focal, centre, .. }, Viewpoint::Perspective { eye, .. }) =
         (&view.map, view.viewpoint)
     else {
@@ -97,14 +97,14 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
         };
         let largest_step: f64 = ends.iter().map(step).fold(0.0, f64::max);
         let largest_step = step(&at_middle).max(AT_ENDS * largest_step);
-        let per_voxel = |step: f64, is_far| subject.resolution.per_voxel(n - 1, &rays, step, is_far);
+        let per_voxel = |step: f64, is_far| lattice_view.resolution.per_voxel(n - 1, &rays, step, is_far);
         let finest = per_voxel(largest_step, false) * middle;
         1.0 / finest.max(per_voxel(largest_step * middle / far, true) * far)
     });
     let step = step.map(|side| side.min(LONGEST * step[0].min(step[1])));
     let on_plane = |moves: &[[f64; 2]; 2]| [0, 1].map(|side: usize| moves[side].map(|moves| moves / step[side]));
     let ends: Vec<_> = ends.iter().map(on_plane).collect();
-    let low_pass = LowPass::new(on_plane(&at_middle), &ends, subject.width);
+    let low_pass = LowPass::new(on_plane(&at_middle), &ends, lattice_view.width);
     // If even the nearest voxels are tiny, no other way of sampling has enough samples.
     let nearest_corner = corners.iter().map(|corner| corner.z).fold(f64::INFINITY, f64::min);
     let longest_step = steps.map(DVec3::length).into_iter().fold(0.0, f64::max);
@@ -112,7 +112,7 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     let is_wide_angle = !are_tiny && 0.5 * f64::from(view.size[1]) / focal > WIDE_ANGLE;
     // Toward the edges of a wide angle, even voxels that are wide in the middle are as narrow as the low-pass.
     let deviation = if is_wide_angle { LOW_PASS.into() } else { low_pass.deviation };
-    if deviation * low_pass.most_per_pixel > subject.sampling.pick(WIDEST) {
+    if deviation * low_pass.most_per_pixel > lattice_view.sampling.pick(WIDEST) {
         return None;
     }
     let shown = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
@@ -137,7 +137,7 @@ pub(super) fn plane(subject: &Subject) -> Option<Lattice> {
     let plane_from_pixel = [plane[0], plane[1], row(0).to_array()];
     let strength = f64::from(kernel.normalisation()) / f64::from(kernel.sigma).powi(2);
     let rays = PlaneRays::Perspective { eye, first, step, steps, strength };
-    Some(subject.lattice(size, plane_from_pixel, low_pass, rays))
+    Some(lattice_view.lattice(size, plane_from_pixel, low_pass, rays))
 }
 
 /// Returns the corners of the part of the picture that shows a box; of all of it if none does, or if a corner of the box is beside the
