@@ -115,25 +115,23 @@ impl GridAxes {
     /// Returns the length of the gradient with these slopes along the axes, in units per world length.
     #[inline]
     pub fn magnitude(&self, slopes: [f64; 3]) -> f64 {
-        match self.from_world {
-            None => length(slopes),
-            // Slopes are divided by their length first, so that nothing overflows on the way.
-            Some(from_world) => match length(slopes) {
-                0.0 => 0.0,
-                scale => scale * (from_world.transpose() * (DVec3::from_array(slopes) / scale)).length(),
-            },
-        }
+        let scale = length(slopes);
+        self.sheared(slopes, scale).map_or(scale, |(_, gradient)| scale * gradient.length())
     }
 
     /// Returns a vector along the axes that has the direction of the gradient with these slopes.
     #[inline]
     pub fn along(&self, slopes: [f64; 3]) -> [f64; 3] {
-        match (self.from_world, length(slopes)) {
-            (Some(from_world), scale) if scale > 0.0 => {
-                (from_world * (from_world.transpose() * (DVec3::from_array(slopes) / scale))).to_array()
-            }
-            _ => slopes,
-        }
+        let sheared = self.sheared(slopes, length(slopes));
+        sheared.map_or(slopes, |(from_world, gradient)| (from_world * gradient).to_array())
+    }
+
+    /// Returns the inverse of a sheared grid's directions, and the world's gradient divided by `scale`, the length of its slopes, so
+    /// that nothing overflows on the way. `None` if slopes are components of the gradient, or 0.
+    #[inline]
+    fn sheared(&self, slopes: [f64; 3], scale: f64) -> Option<(DMat3, DVec3)> {
+        let from_world = self.from_world.filter(|_| scale > 0.0)?;
+        Some((from_world, from_world.transpose() * (DVec3::from_array(slopes) / scale)))
     }
 }
 

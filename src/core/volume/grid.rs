@@ -159,8 +159,7 @@ impl Grid {
         x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0]) + x[2] * (y[0] * z[1] - y[1] * z[0])
     }
 
-    /// Returns the world's unit vector of a normal, from its components along the grid's axes, in world length; 0 for none. Stored normals
-    /// have such components.
+    /// Returns the unit vector in the world of a normal with these components along the grid's axes, as stored normals have; 0 for none.
     pub fn world_normal(&self, components: [f32; 3]) -> [f64; 3] {
         let axes = DMat3::from_cols_array_2d(&self.direction);
         (axes * DVec3::from_array(components.map(f64::from))).normalize_or_zero().to_array()
