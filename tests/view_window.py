@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Drives the window of `adj view` with a real mouse and keyboard on a display in memory.
 
-Usage: tests/view_window.py ADJ. ADJ is the program, built with the feature `view`. Needs Xvfb, xdotool, ImageMagick's
-`import`, numpy, and a Vulkan driver (software is enough).
+Usage: tests/view_window.py ADJ. ADJ is the program, built with the feature `view`. Needs Xvfb, xdotool, xclip,
+ImageMagick's `import`, numpy, and a Vulkan driver (software is enough).
 """
 
 import os
@@ -146,6 +146,14 @@ def main():
             screen.do("key", "Return")
             opened = screen.wait("the second file", lambda shot: colourful(shot) and differs(shot, undone) > 0.2)
             print(f"a second file changed {differs(undone, opened):.0%}")
+            # What is copied is on the clipboard of the display, not in the program alone.
+            screen.do("key", "ctrl+o")
+            time.sleep(0.5)
+            screen.do("type", "--delay", "20", "copied")
+            screen.do("key", "ctrl+a", "key", "ctrl+c")
+            time.sleep(0.5)
+            copied = run("xclip", "-o", "-selection", "clipboard", env=screen.environment, timeout=PATIENCE)
+            assert copied == b"copied", copied
             assert viewer.poll() is None, "the window closed"
             recent = open(os.path.join(folder, "adjsplat", "recent")).read().split()
             assert recent == files[::-1], recent

@@ -17,7 +17,7 @@ use crate::pick::{Picked, Ray};
 
 /// An open file.
 pub struct Document {
-    /// Which of the files that were opened it is.
+    /// Which of the files that were to be opened it is.
     pub(crate) number: u64,
     /// The name on the tab.
     pub title: String,
@@ -35,13 +35,13 @@ pub struct Document {
     pub model: Model,
     /// How often each value is stored.
     pub stored: StoredValues,
-    /// Whether the model has the transfer function of the editor.
-    is_drawn: bool,
     /// What is shown.
     pub look: ViewLook,
     /// The transfer function and its earlier states.
     pub edits: History<Edited>,
-    /// The transfer function as it was opened, loaded or saved last.
+    /// The transfer function that the model was opened with, in the editor and as it was.
+    opened: (Edited, TransferFunction),
+    /// The transfer function as it was loaded or saved last.
     saved: Edited,
     /// What the editor remembers.
     pub editor: EditorState,
@@ -55,8 +55,8 @@ pub struct Document {
     pub(crate) focus: Option<Id>,
     /// Whether the view shall show everything as soon as its size is known.
     pub needs_fit: bool,
-    /// Target and height of the view that last showed everything.
-    fitted: Option<(glam::DVec3, f64)>,
+    /// Target and height of the view that last showed everything, and its size in pixels.
+    fitted: Option<(glam::DVec3, f64, [u32; 2])>,
     /// The face of the crop box that is dragged.
     pub held_face: Option<usize>,
     /// The voxel that was clicked.
@@ -85,9 +85,9 @@ impl Document {
             fetched,
             extent,
             unit,
+            opened: (edited.clone(), model.transfer().clone()),
             model,
             stored,
-            is_drawn: true,
             look,
             saved: edited.clone(),
             edits: History::new(edited),
@@ -119,6 +119,7 @@ impl Document {
                     let is_changed = self.edits.can_undo() || self.edits.can_redo();
                     if stored != self.stored && !is_changed {
                         self.edits = History::new(Edited::of(model.transfer(), &stored));
+                        self.opened.0 = self.edits.now.clone();
                         self.set_saved();
                     }
                     (self.model, self.stored) = (model, stored);
@@ -176,16 +177,15 @@ impl Document {
 
     /// Returns whether the transfer function was edited since it was opened, loaded or saved.
     pub fn is_unsaved(&self) -> bool {
-        self.edits.now != self.saved
+        self.edits.now != self.saved && self.edits.now != self.opened.0
     }
 
     /// Draws with the transfer function that the editor holds.
     pub fn apply(&mut self) {
-        let changed = self.edits.now.transfer().and_then(|transfer| {
+        let changed = self.transfer().and_then(|transfer| {
             let missing = self.model.missing_values(&transfer)?;
             Ok((self.model.with_transfer(transfer)?, missing))
         });
-        self.is_drawn = changed.is_ok();
         match changed {
             Ok((model, missing)) => {
                 (self.model, self.missing, self.note) = (model, missing, None);
@@ -201,7 +201,12 @@ impl Document {
     /// The errors of [`Edited::transfer`].
     pub fn transfer(&self) -> Result<TransferFunction> {
         // The editor turns some functions into points; what was not edited stays as it is.
-        if self.is_drawn { Ok(self.model.transfer().clone()) } else { self.edits.now.transfer() }
+        if self.edits.now == self.opened.0 { Ok(self.opened.1.clone()) } else { self.edits.now.transfer() }
+    }
+
+    /// Returns whether a volume was built with another transfer function than it is drawn with.
+    pub(crate) fn is_built_otherwise(&self) -> bool {
+        !self.is_adj && *self.model.transfer() != self.opened.1
     }
 
     /// Looks for the voxel on a ray, in the background.
@@ -240,13 +245,14 @@ impl Document {
         let Eye { azimuth, elevation, up, fov, .. } = self.look.eye;
         let side = crate::look::Side { name: "", azimuth, elevation };
         match Eye::around(&self.model, self.extent, side, up, fov, size) {
-            Ok(eye) => (self.look.eye, self.fitted) = (eye, Some((eye.target, eye.height))),
+            Ok(eye) => (self.look.eye, self.fitted) = (eye, Some((eye.target, eye.height, size))),
             Err(fault) => self.note = Some(fault.to_string()),
         }
     }
 
-    /// Returns whether the view still shows everything.
-    pub(crate) fn is_fitted(&self) -> bool {
-        self.fitted == Some((self.look.eye.target, self.look.eye.height))
+    /// Returns whether the view showed everything at another size, and was not moved since.
+    pub(crate) fn was_fitted(&self, size: [u32; 2]) -> bool {
+        let eye = self.look.eye;
+        self.fitted.is_some_and(|(target, height, at)| (target, height) == (eye.target, eye.height) && at != size)
     }
 }

@@ -225,6 +225,8 @@ fn unit_of(model: &Model) -> Option<String> {
 
 /// A file that is being opened.
 pub struct Opening {
+    /// How many files were to be opened until this one.
+    pub(crate) number: u64,
     /// The file.
     pub place: FilePlace,
     /// How it is to be shown.
@@ -299,7 +301,7 @@ const PHASES: [&str; 7] =
 
 impl Opening {
     /// Begins to open a file that is to be shown as `wish` says.
-    pub fn begin(place: FilePlace, wish: Wish, context: &Context) -> Opening {
+    pub fn begin(number: u64, place: FilePlace, wish: Wish, context: &Context) -> Opening {
         let (sender, result) = channel();
         let progress = Arc::new(Progress::default());
         let (own_place, own_progress, context) = (place.clone(), progress.clone(), context.clone());
@@ -308,7 +310,7 @@ impl Opening {
             let _ = sender.send(own_progress.unless_cancelled(open(&own_place, &own_progress, &context)).await);
             context.request_repaint();
         });
-        Opening { place, wish, progress, result }
+        Opening { number, place, wish, progress, result }
     }
 
     /// Returns what is done now, and the share of it that is over.

@@ -3,12 +3,12 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 
 use adjsplat::classify::Colour;
 use adjsplat::error::{Error, Result};
-use adjsplat::splat::{Frame, Mode, Quality};
+use adjsplat::splat::{Frame, Mode, Quality, StopRequest};
 use adjsplat::{Model, TransferFunction};
 use adjsplat_pictures::{Picture, PictureKind, SampleDepth, numbered, write_png};
 use egui::Context;
@@ -29,6 +29,12 @@ pub struct PictureForm {
     pub quality: Quality,
     /// Number of pictures of a full turn; 1 for the view itself.
     pub frames: u32,
+}
+
+impl Default for PictureForm {
+    fn default() -> PictureForm {
+        PictureForm { size: [800, 600], is_transparent: false, is_deep: false, quality: Quality::High, frames: 1 }
+    }
 }
 
 /// A picture that is to be saved: what it shows, and how.
@@ -54,7 +60,7 @@ pub(crate) struct Saving {
     /// The number of pictures.
     pub(crate) frames: u32,
     done: Arc<AtomicUsize>,
-    is_cancelled: Arc<AtomicBool>,
+    stop: StopRequest,
     result: Receiver<Result<()>>,
 }
 
@@ -62,22 +68,21 @@ impl Saving {
     /// Begins to draw and write a picture, whose ending is .png, .apng or .exr.
     pub(crate) fn begin(path: &Path, job: PictureJob, context: &Context) -> Saving {
         let (sender, result) = channel();
-        let (done, is_cancelled) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(false)));
+        let (done, stop) = (Arc::new(AtomicUsize::new(0)), StopRequest::default());
         let (files, frames) = (files(path, job.form.frames), job.form.frames);
-        let own = (path.to_owned(), context.clone(), done.clone(), is_cancelled.clone());
+        let own = (path.to_owned(), context.clone(), done.clone(), stop.clone());
         crate::background::run(async move || {
-            let (path, context, done, is_cancelled) = own;
+            let (path, context, done, stop) = own;
             let PictureJob { model, look, form, device_model } = job;
             let step = |frames| {
                 done.store(frames, Ordering::Relaxed);
                 context.request_repaint();
-                if is_cancelled.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
             };
             // Nobody receives if the window was closed.
-            let _ = sender.send(save(&path, &model, &look, form, device_model.as_ref(), step).await);
+            let _ = sender.send(save(&path, &model, &look, form, device_model.as_ref(), &stop, step).await);
             context.request_repaint();
         });
-        Saving { files, frames, done, is_cancelled, result }
+        Saving { files, frames, done, stop, result }
     }
 
     /// Returns what goes on, in words.
@@ -102,7 +107,7 @@ impl Saving {
 
     /// Asks the thread to stop.
     pub(crate) fn cancel(&self) {
-        self.is_cancelled.store(true, Ordering::Relaxed);
+        self.stop.make();
     }
 
     /// Returns the result once it is there.
@@ -111,21 +116,25 @@ impl Saving {
     }
 }
 
+/// The most bytes that an .apng may keep until all its pictures are drawn.
+const MOST_KEPT: u64 = 2 << 30;
+
 /// Draws a picture, or a full turn, and writes it, as a whole or not at all. `step` is called after each picture. The
 /// processor draws, or the device.
 ///
 /// A turn goes into one .apng file, or into numbered files beside `path`: picture-000.png and so on. They replace no files.
 ///
 /// # Errors
-/// [`Error::Input`] for another ending, and where a numbered file is there already; the errors of the renderer, of writing, and
-/// of `step`.
+/// [`Error::Input`] for another ending, where a numbered file is there already, and if an .apng would take too much memory;
+/// [`Error::Interrupted`] after a request to `stop`; the errors of the renderer and of writing.
 pub async fn save(
     path: &Path,
     model: &Model,
     look: &ViewLook,
     form: PictureForm,
     device_model: Option<&DeviceModel>,
-    step: impl Fn(usize) -> Result<()>,
+    stop: &StopRequest,
+    step: impl Fn(usize),
 ) -> Result<()> {
     let kind = PictureKind::of(path)?;
     let files = files(path, form.frames);
@@ -134,7 +143,19 @@ pub async fn save(
         return Err(Error::input(there.display().to_string(), why));
     }
     let depth = if form.is_deep { SampleDepth::Sixteen } else { SampleDepth::Eight };
-    let settings = look.settings(model.grid(), form.size, form.quality)?;
+    let kept = kind.kept(depth, form.size.map(u64::from).iter().product(), form.frames);
+    if kept > MOST_KEPT {
+        let why = format!(
+            "would take {} GiB of memory; save a smaller turn, or name it .png, which makes numbered files",
+            kept.div_ceil(1 << 30)
+        );
+        return Err(Error::input(path.display().to_string(), why));
+    }
+    let settings = look.settings(model.grid(), form.size, form.quality)?.with_stop(stop.clone());
+    let write = |path: &Path, content: &dyn Fn(&mut dyn Write) -> std::io::Result<()>| {
+        write(path, |out| content(&mut StoppableWriter { out, stop }))
+            .map_err(|fault| if stop.is_made() { Error::Interrupted } else { fault })
+    };
     let mut pictures = Vec::new();
     for index in 0..form.frames {
         let mut eye = look.eye;
@@ -149,15 +170,31 @@ pub async fn save(
         }
         let picture = Picture::new(&frame, kind, depth);
         if files.len() > 1 {
-            write(&files[index as usize], |out| picture.write(out))?;
+            write(&files[index as usize], &|out| picture.write(out))?;
         } else {
             pictures.push(picture);
         }
-        step(index as usize + 1)?;
+        step(index as usize + 1);
     }
     match kind {
-        PictureKind::Apng => write(path, |out| write_png(out, &pictures)),
-        _ => pictures.first().map_or(Ok(()), |picture| write(path, |out| picture.write(out))),
+        PictureKind::Apng => write(path, &|out| write_png(out, &pictures)),
+        _ => pictures.first().map_or(Ok(()), |picture| write(path, &|out| picture.write(out))),
+    }
+}
+
+/// A writer that fails after a request to stop, so that what is half written is removed.
+struct StoppableWriter<'a> {
+    out: &'a mut dyn Write,
+    stop: &'a StopRequest,
+}
+
+impl Write for StoppableWriter<'_> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        if self.stop.is_made() { Err(std::io::ErrorKind::Other.into()) } else { self.out.write(bytes) }
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.out.flush()
     }
 }
 
@@ -201,19 +238,32 @@ pub fn camera_json(look: &ViewLook) -> Result<String> {
     serde_json::to_string(&camera).map_err(|fault| Error::input("camera", fault.to_string()))
 }
 
-/// Returns the line that makes this picture in a shell. `transfer`: the transfer function, where the file has another one.
+/// The most bytes of a transfer function in a command; Linux takes words of 131,071.
+const LONGEST_WORD: usize = 100_000;
+
+/// Returns the line that makes this picture in a shell. `transfer`: the transfer function, where the file has another one; `is_built`:
+/// whether `file` is a volume that was built with another one, so that the line builds it first.
 ///
 /// # Errors
-/// The errors of the camera.
+/// The errors of the camera; [`Error::Input`] for a transfer function that is too long for a shell.
 pub fn command(
     file: &Path,
+    is_built: bool,
     look: &ViewLook,
     model: &Model,
     size: [u32; 2],
     quality: Quality,
     transfer: Option<&TransferFunction>,
 ) -> Result<String> {
-    let mut words = vec!["adj".into(), "render".into(), quoted(&file.display().to_string())];
+    let name = quoted(&file.display().to_string());
+    let mut words = match is_built {
+        false => vec!["adj render".into(), name],
+        true => {
+            let built =
+                quoted(&Path::new(file.file_name().unwrap_or_default()).with_extension("adj").display().to_string());
+            vec![format!("adj build {name} -o {built} --levels auto && adj render {built}")]
+        }
+    };
     let mut flag = |name: &str, value: String| words.push(format!("{name} {}", quoted(&value)));
     flag("-o", "picture.png".into());
     flag("--size", format!("{}x{}", size[0], size[1]));
@@ -246,8 +296,12 @@ pub fn command(
     }
     let [r, g, b] = look.background;
     flag("--background", format!("#{r:02x}{g:02x}{b:02x}"));
-    if let Some(transfer) = transfer {
-        flag("--tf", transfer.to_json());
+    if let Some(transfer) = transfer.map(TransferFunction::to_json) {
+        if transfer.len() > LONGEST_WORD {
+            let why = "is too long for a command; save it, and name its file by --tf";
+            return Err(Error::input("the transfer function", why));
+        }
+        flag("--tf", transfer);
     }
     Ok(words.join(" "))
 }

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use adjsplat::classify::{Colour, Label, UnlistedLabels};
 use adjsplat::error::Error;
-use adjsplat::splat::{Mode, Quality, Settings};
+use adjsplat::splat::{Mode, Quality, Settings, StopRequest};
 use adjsplat::{Build, Model, TransferFunction, Volume};
 use adjsplat_tests::files::skipped;
 use adjsplat_view::app::Viewer;
@@ -381,7 +381,7 @@ fn a_volume_is_built_in_the_background() {
 #[test]
 fn cancelling_does_not_wait_for_the_work() {
     let folder = tempfile::tempdir().unwrap();
-    let opening = Opening::begin(FilePlace::Path(file(folder.path())), Wish::default(), &egui::Context::default());
+    let opening = Opening::begin(1, FilePlace::Path(file(folder.path())), Wish::default(), &egui::Context::default());
     opening.cancel();
     assert!(matches!(opening.result(), Some(Err(Error::Interrupted))));
 }
@@ -457,7 +457,7 @@ fn saved_pictures_have_their_size_and_a_turn_its_frames() {
         PictureForm { size: [64, 48], is_transparent: false, is_deep: true, quality: Quality::Standard, frames: 1 };
     let save = |name: &str, form| {
         let path = folder.path().join(name);
-        pollster::block_on(save(&path, &model, &look, form, None, |_| Ok(())))
+        pollster::block_on(save(&path, &model, &look, form, None, &StopRequest::default(), |_| ()))
     };
     save("a.png", form).unwrap();
     let read = adjsplat_pictures::read_picture(&folder.path().join("a.png")).unwrap();

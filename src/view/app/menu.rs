@@ -14,7 +14,7 @@ use crate::open::{FilePlace, shortened};
 use crate::save::{camera_json, command};
 
 /// The most letters of a file's name on a tab.
-const LONGEST_TAB: usize = 32;
+pub(super) const LONGEST_TAB: usize = 32;
 
 impl Viewer {
     pub(super) fn menu(&mut self, ui: &mut Ui) {
@@ -53,6 +53,7 @@ impl Viewer {
             ui.add_enabled_ui(!self.documents.is_empty(), |ui| {
                 if ui.add_enabled(!is_lost, Button::new("Save picture")).clicked() {
                     self.form_is_open = true;
+                    self.form.get_or_insert_default().size = self.view_size;
                 }
                 ui.menu_button("Copy", |ui| {
                     if !cfg!(target_arch = "wasm32") && ui.button("Command that makes this picture").clicked() {
@@ -73,9 +74,7 @@ impl Viewer {
             ui.separator();
             ui.checkbox(&mut self.has_panel, "Panel");
             if self.documents.len() > 1 {
-                if ui.checkbox(&mut self.is_side_by_side, "Side by side").changed() {
-                    self.documents.iter_mut().for_each(|document| document.needs_fit |= document.is_fitted());
-                }
+                ui.checkbox(&mut self.is_side_by_side, "Side by side");
                 let link = ui.checkbox(&mut self.is_linked, "Link views");
                 if link.on_hover_text("All files are seen from the same place").changed() && self.is_linked {
                     self.show_all_from(self.documents[self.active].look.eye);
@@ -96,9 +95,8 @@ impl Viewer {
         let text = match (is_command, document.place.path()) {
             (true, Some(path)) => {
                 let size = self.view_size;
-                changed_transfer(document).and_then(|transfer| {
-                    command(path, &document.look, &document.model, size, Quality::High, transfer.as_ref())
-                })
+                let (look, model, transfer) = (&document.look, &document.model, changed_transfer(document));
+                command(path, document.is_built_otherwise(), look, model, size, Quality::High, transfer)
             }
             (true, None) => Err(Error::input("the model", "lies in no file that a command could name")),
             (false, _) => camera_json(&document.look),
@@ -120,14 +118,12 @@ impl Viewer {
     #[cfg(target_arch = "wasm32")]
     fn copy_link(&mut self, context: &Context) {
         let Some(document) = self.documents.get(self.active) else { return };
-        let link = changed_transfer(document).and_then(|transfer| {
-            let transfer = transfer.map(|transfer| transfer.to_json());
-            let link = match &document.place {
-                FilePlace::Address(file) => crate::page::link(file, &document.look.eye.to_text(), transfer.as_deref()),
-                _ => None,
-            };
-            link.ok_or_else(|| Error::input(&document.title, "lies on no server that a link could name"))
-        });
+        let transfer = changed_transfer(document).map(TransferFunction::to_json);
+        let link = match &document.place {
+            FilePlace::Address(file) => crate::page::link(file, &document.look.eye.to_text(), transfer.as_deref()),
+            _ => None,
+        };
+        let link = link.ok_or_else(|| Error::input(&document.title, "lies on no server that a link could name"));
         self.put_on_clipboard(context, link);
     }
 
@@ -140,7 +136,10 @@ impl Viewer {
                 let mut tab = ui.selectable_label(index == self.active, &short);
                 if short != title {
                     name(&tab, title.clone());
-                    tab = tab.on_hover_text(title);
+                }
+                let path = self.documents[index].place.path().map(|path| path.display().to_string());
+                if path.is_some() || short != title {
+                    tab = tab.on_hover_text(path.unwrap_or(title));
                 }
                 if tab.clicked() {
                     if self.is_linked {
@@ -184,12 +183,11 @@ impl Viewer {
     }
 }
 
-/// Returns the transfer function of a document's editor, unless the file holds the same.
-fn changed_transfer(document: &Document) -> Result<Option<TransferFunction>> {
+/// Returns the transfer function with which a document is drawn, unless the file holds the same.
+fn changed_transfer(document: &Document) -> Option<&TransferFunction> {
     let arena = document.model.arena().ok().filter(|_| document.is_adj);
     let stored = arena.and_then(|arena| adjsplat::internals::stored_transfer(&arena));
-    let transfer = document.transfer()?;
-    Ok((stored.as_ref() != Some(&transfer)).then_some(transfer))
+    Some(document.model.transfer()).filter(|transfer| stored.as_ref() != Some(transfer))
 }
 
 /// Returns a line about the picked voxel, or else about the file.

@@ -36,8 +36,8 @@ enum Closing {
 pub struct Viewer {
     documents: Vec<Document>,
     active: usize,
-    /// The number of files that were opened.
-    opened_count: u64,
+    /// The number of files that were to be opened.
+    opening_count: u64,
     openings: Vec<Opening>,
     savings: Vec<Saving>,
     dialogs: Vec<Dialog>,
@@ -76,7 +76,7 @@ impl Viewer {
             openings: Vec::new(),
             savings: Vec::new(),
             dialogs: Vec::new(),
-            opened_count: 0,
+            opening_count: 0,
             recent,
             renderer,
             manner: Manner { has_inertia: true, flies: false },
@@ -104,7 +104,8 @@ impl Viewer {
 
     /// Begins to open a file that is to be shown as `wish` says.
     pub fn open_as(&mut self, context: &Context, place: FilePlace, wish: Wish) {
-        self.openings.push(Opening::begin(place, wish, context));
+        self.opening_count += 1;
+        self.openings.push(Opening::begin(self.opening_count, place, wish, context));
     }
 
     /// Returns the open documents, in the order of their tabs.
@@ -206,11 +207,11 @@ impl Viewer {
         self.openings.retain(|opening| match opening.result() {
             None => true,
             Some(result) => {
-                opened.push((opening.place.clone(), opening.wish.clone(), result));
+                opened.push((opening.number, opening.place.clone(), opening.wish.clone(), result));
                 false
             }
         });
-        for (place, wish, result) in opened {
+        for (number, place, wish, result) in opened {
             match result.and_then(|opened| Document::new(context, opened, background, self.renderer)) {
                 Ok(mut document) => {
                     if let Some(path) = document.place.path() {
@@ -219,13 +220,14 @@ impl Viewer {
                     if let Err(fault) = document.fulfil(&wish) {
                         self.fail(&fault);
                     }
-                    self.opened_count += 1;
-                    document.number = self.opened_count;
-                    self.documents.push(document);
-                    self.active = self.documents.len() - 1;
+                    document.number = number;
+                    self.insert(context, document);
                 }
                 Err(Error::Interrupted) => self.say(format!("{} was not opened", place.name())),
-                Err(fault) => self.fail(&fault),
+                Err(fault) => {
+                    let (text, name) = (full(&fault), place.name());
+                    self.warn(if text.contains(&name) { text } else { format!("{name}: {text}") });
+                }
             }
         }
         let mut saved = Vec::new();
@@ -257,6 +259,30 @@ impl Viewer {
         self.documents.iter_mut().for_each(Document::finish_pick);
         let faults: Vec<String> = self.documents.iter_mut().filter_map(Document::take_news).collect();
         faults.into_iter().for_each(|fault| self.warn(fault));
+    }
+
+    /// Adds a document, in the order in which files were to be opened. It is shown, unless a later one is, or the user is at work
+    /// on the one that is shown.
+    fn insert(&mut self, context: &Context, mut document: Document) {
+        let before = |other: &Document| other.number < document.number;
+        let index = self.documents.partition_point(before);
+        let active = self.active().map(|active| (active.look.eye, before(active)));
+        if let Some((eye, _)) = active.filter(|_| self.is_linked) {
+            (document.look.eye, document.needs_fit) = (eye, false);
+        }
+        let is_at_work = self.has_window() || context.text_edit_focused();
+        let is_shown = active.is_none_or(|(_, is_before)| is_before && !is_at_work);
+        self.documents.insert(index, document);
+        if is_shown {
+            self.active = index;
+        } else if index <= self.active {
+            self.active += 1;
+        }
+    }
+
+    /// Returns whether a window asks something.
+    fn has_window(&self) -> bool {
+        self.form_is_open || self.closing.is_some() || !self.typed_paths.is_empty()
     }
 
     /// Opens a dialog for a file.
@@ -336,6 +362,7 @@ impl Viewer {
     fn keys(&mut self, context: &Context) {
         let pressed = |modifiers, key| context.input_mut(|input| input.consume_key(modifiers, key));
         if pressed(Modifiers::COMMAND, Key::O) && self.typed_paths.is_empty() {
+            self.form_is_open = false;
             self.ask_for_path(Purpose::OpenFile);
         }
         // A text field uses the other keys itself.
@@ -343,8 +370,7 @@ impl Viewer {
             return;
         }
         // Esc is first for what lies over the views.
-        let has_window = self.form_is_open || self.closing.is_some() || !self.typed_paths.is_empty();
-        let is_covered = has_window || Popup::is_any_open(context);
+        let is_covered = self.has_window() || Popup::is_any_open(context);
         // A browser closes the page by Ctrl+W.
         let closes = if cfg!(target_arch = "wasm32") { Modifiers::ALT } else { Modifiers::COMMAND };
         if pressed(closes, Key::W) && !self.documents.is_empty() {
@@ -396,9 +422,10 @@ impl Viewer {
         }
     }
 
-    /// Asks before the program is closed, if a transfer function is not saved.
+    /// Asks before the program is closed, if a transfer function is not saved or a picture is being saved.
     fn keep_unsaved(&mut self, context: &Context) {
-        if context.input(|input| input.viewport().close_requested()) && !self.gives_up && self.has_unsaved() {
+        let is_asked = !self.gives_up && (self.has_unsaved() || !self.savings.is_empty());
+        if is_asked && context.input(|input| input.viewport().close_requested()) {
             context.send_viewport_cmd(ViewportCommand::CancelClose);
             self.closing = Some(Closing::Program);
         }
@@ -447,12 +474,13 @@ fn save_transfer(path: &Path, text: &str) -> Result<()> {
 }
 
 /// Options of readers in messages, each with the option of `adj build` that replaces it: the viewer has none.
-const ADVICE: [(&str, &str); 5] = [
+const ADVICE: [(&str, &str); 6] = [
     ("describe them with `OpenOptions::raw`", "describe them to adj build by --dims 256x256x128 --type u8 or alike"),
     ("`OpenOptions::level`", "adj build --level"),
     ("`OpenOptions::outside_files`", "adj build --outside-files"),
     ("`OpenOptions::series`", "adj build --series"),
     ("`OpenOptions::spacing`", "adj build --spacing XxYxZ"),
+    ("try the range ", "build it by adj build --range "),
 ];
 
 /// Returns an error with its cause, in one line.

@@ -214,3 +214,92 @@ fn unsaved_changes_are_asked_about_before_the_program_is_closed() {
     click(&mut driven, "Close without saving");
     assert!(!close_window(&mut driven).contains(&ViewportCommand::CancelClose));
 }
+
+/// The window vanished, nothing was saved, and a half-written file stayed.
+#[test]
+fn a_picture_that_is_being_saved_is_asked_about_before_the_program_is_closed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = two(folder.path());
+    let purpose = picture(&driven, 3600);
+    choose(&mut driven, purpose, &folder.path().join("turn.apng"));
+    assert!(close_window(&mut driven).contains(&ViewportCommand::CancelClose));
+    driven.step();
+    assert!(driven.query_by_label_contains("turn.apng is being saved").is_some());
+    click(&mut driven, "Close without saving");
+    assert!(!close_window(&mut driven).contains(&ViewportCommand::CancelClose));
+    wait(&mut driven, |viewer| viewer.savings.is_empty());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "no half-written file");
+}
+
+#[test]
+fn files_are_tabs_in_the_order_in_which_they_were_to_be_opened() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = two(folder.path());
+    let context = driven.ctx.clone();
+    let viewer = driven.state_mut();
+    viewer.active = 0;
+    for document in std::mem::take(&mut viewer.documents).into_iter().rev() {
+        viewer.insert(&context, document);
+    }
+    let titles: Vec<_> = viewer.documents.iter().map(|document| document.title.clone()).collect();
+    assert_eq!((titles, viewer.active), (vec!["a.adj".to_owned(), "b.adj".to_owned()], 1));
+    // The form for a picture stays with its file.
+    let last = viewer.documents.pop().unwrap();
+    (viewer.active, viewer.form_is_open) = (0, true);
+    viewer.insert(&context, last);
+    assert_eq!(viewer.active, 0);
+}
+
+#[test]
+fn linked_views_stay_linked_side_by_side_and_when_another_file_opens() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = two(folder.path());
+    driven.state_mut().documents[1].look.eye.orbit([40.0, 10.0]);
+    driven.step();
+    let eyes = |driven: &Driven| driven.state().documents.iter().map(|document| document.look.eye).collect::<Vec<_>>();
+    assert_ne!(eyes(&driven)[0], eyes(&driven)[1]);
+    let before = eyes(&driven)[1];
+    click(&mut driven, "Link views");
+    click(&mut driven, "Side by side");
+    let context = driven.ctx.clone();
+    driven.state_mut().open(&context, FilePlace::Path(folder.path().join("a.adj")));
+    wait(&mut driven, |viewer| viewer.documents.len() == 3);
+    let eyes = eyes(&driven);
+    assert!(eyes.iter().all(|eye| *eye == eyes[0]), "{eyes:?}");
+    assert!(eyes[0].height > before.height, "narrower views still show everything");
+}
+
+#[test]
+fn a_function_that_was_loaded_and_undone_is_the_file_s_own_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = two(folder.path());
+    let path = folder.path().join("skin.json");
+    std::fs::write(&path, TransferFunction::preset("ct-skin").unwrap().to_json()).unwrap();
+    let (number, before) = (driven.state().documents[1].number, driven.state().documents[1].model.transfer().clone());
+    choose(&mut driven, Purpose::LoadTransfer(number), &path);
+    let document = &mut driven.state_mut().documents[1];
+    assert_ne!(*document.model.transfer(), before);
+    document.edits.undo();
+    document.apply();
+    assert!(!document.is_unsaved() && *document.model.transfer() == before);
+}
+
+#[test]
+fn commands_build_volumes_whose_function_was_changed_and_have_words_that_a_shell_takes() {
+    let folder = tempfile::tempdir().unwrap();
+    let driven = two(folder.path());
+    let Document { model, look, .. } = &driven.state().documents[0];
+    let command = |is_built, transfer: &TransferFunction| {
+        crate::save::command("d/my t.nii".as_ref(), is_built, look, model, [8, 8], Quality::High, Some(transfer))
+    };
+    let skin = TransferFunction::preset("ct-skin").unwrap();
+    assert!(command(false, &skin).unwrap().starts_with("adj render 'd/my t.nii' -o picture.png"));
+    let built = command(true, &skin).unwrap();
+    let wanted = "adj build 'd/my t.nii' -o 'my t.adj' --levels auto && adj render 'my t.adj' -o picture.png";
+    assert!(built.starts_with(wanted), "{built}");
+    let labels = |label| format!(r##"{{ "label": {label}, "name": "{label}", "colour": "#ffffff", "opacity": 1 }}"##);
+    let labels: Vec<String> = (1..3000).map(labels).collect();
+    let long = format!(r#"{{ "kind": "labels", "labels": [{}] }}"#, labels.join(","));
+    let refused = command(false, &TransferFunction::from_json(&long).unwrap()).unwrap_err().to_string();
+    assert!(refused.contains("too long for a command"), "{refused}");
+}

@@ -52,10 +52,10 @@ impl Viewer {
             self.messages.clear();
         }
         let document = &mut self.documents[index];
-        if std::mem::take(&mut document.needs_fit) {
+        let before = document.look.eye;
+        if std::mem::take(&mut document.needs_fit) || document.was_fitted(size) {
             document.fit(size);
         }
-        let before = document.look.eye;
         let screen_map = ScreenMap::new(&document.look.eye, rect);
         let holds = match &mut document.look.crop {
             Some(crop) => {
@@ -132,6 +132,10 @@ impl Viewer {
             let at = pos2(rect.left() + 10.0, rect.top() + 8.0);
             let font = egui::FontId::proportional(14.0);
             painter.text(at, egui::Align2::LEFT_TOP, &document.title, font, colour);
+            if index == self.active {
+                let stroke = ui.visuals().selection.stroke;
+                painter.rect_stroke(rect, 0.0, stroke, egui::StrokeKind::Inside);
+            }
         }
     }
 }

@@ -1,15 +1,15 @@
 //! What lies over the views: windows for a typed path and for saving a picture, progress, and the last message.
 
-use adjsplat::splat::Quality;
 use egui::{Area, Button, Context, Frame, Key, Label, ProgressBar, Rect, ViewportCommand, Window, vec2};
 
+use super::menu::LONGEST_TAB;
 use super::{Closing, Viewer};
 use crate::dialog::Purpose;
 use crate::document::Document;
 use crate::editor::ui::{choose, field};
-use crate::open::FilePlace;
+use crate::open::{FilePlace, shortened};
 use crate::panel::QUALITIES;
-use crate::save::{PictureForm, PictureJob};
+use crate::save::{PictureJob, Saving};
 
 impl Viewer {
     /// Shows them; `views` is where the views are.
@@ -21,7 +21,7 @@ impl Viewer {
     }
 
     /// Files that are being opened and pictures that are being saved, and the last message, in a corner of the views.
-    fn notices(&self, context: &Context, views: Rect) {
+    fn notices(&mut self, context: &Context, views: Rect) {
         if self.openings.is_empty() && self.savings.is_empty() && self.messages.is_empty() {
             return;
         }
@@ -52,6 +52,9 @@ impl Viewer {
                     let colour = if *is_error { ui.visuals().error_fg_color } else { ui.visuals().text_color() };
                     ui.add(Label::new(egui::RichText::new(text).color(colour)).wrap());
                 }
+                if self.messages.iter().any(|(_, is_error)| *is_error) && ui.small_button("Close").clicked() {
+                    self.messages.clear();
+                }
             });
         });
     }
@@ -65,8 +68,8 @@ impl Viewer {
             Purpose::OpenFile | Purpose::OpenFolder if is_page => ("Open an address", "head.adj", "Open"),
             Purpose::OpenFile | Purpose::OpenFolder => ("Open a path", "/data/head.adj", "Open"),
             Purpose::SavePicture(_) => ("Save the picture to a path", "/data/picture.png", "Save"),
-            Purpose::LoadTransfer(_) => ("Load a transfer function from a path", "/data/transfer.json", "Load"),
-            Purpose::SaveTransfer(_) => ("Save the transfer function to a path", "/data/transfer.json", "Save"),
+            Purpose::LoadTransfer(_) => ("Load a function from a path", "/data/transfer.json", "Load"),
+            Purpose::SaveTransfer(_) => ("Save the function to a path", "/data/transfer.json", "Save"),
         };
         Window::new(title)
             .open(&mut is_open)
@@ -99,18 +102,20 @@ impl Viewer {
         }
     }
 
-    /// Asks what shall become of transfer functions that are not saved, before something is closed.
+    /// Asks what shall become of transfer functions that are not saved and of pictures that are being saved, before something is
+    /// closed.
     fn closing_window(&mut self, context: &Context) {
         let Some(closing) = self.closing else { return };
         let closes = |document: &Document| closing == Closing::Program || closing == Closing::Document(document.number);
         let unsaved = self.documents.iter().filter(|document| closes(document) && document.is_unsaved());
         let unsaved: Vec<(u64, &str)> = unsaved.map(|document| (document.number, &*document.title)).collect();
-        let (mut is_open, mut saves, mut gives_up) = (true, None, unsaved.is_empty());
+        let savings: &[Saving] = if closing == Closing::Program { &self.savings } else { &[] };
+        let (mut is_open, mut saves, mut gives_up) = (true, None, unsaved.is_empty() && savings.is_empty());
         // While a file for one is chosen, the question waits.
         if !gives_up && (!self.dialogs.is_empty() || !self.typed_paths.is_empty()) {
             return;
         }
-        if let Some((first, _)) = unsaved.first() {
+        if !gives_up {
             Window::new("Unsaved changes")
                 .collapsible(false)
                 .resizable(false)
@@ -119,12 +124,17 @@ impl Viewer {
                     for (_, title) in &unsaved {
                         ui.label(format!("The transfer function of {title} was changed and is not saved."));
                     }
+                    for saving in savings {
+                        ui.label(format!("{} is being saved. Then the window closes.", saving.names()));
+                    }
                     ui.horizontal(|ui| {
-                        let save = ui.button("Save…");
-                        if ui.memory(|memory| memory.focused().is_none()) {
-                            save.request_focus();
+                        if let Some((first, _)) = unsaved.first() {
+                            let save = ui.button("Save…");
+                            if ui.memory(|memory| memory.focused().is_none()) {
+                                save.request_focus();
+                            }
+                            saves = save.clicked().then_some(*first);
                         }
-                        saves = save.clicked().then_some(*first);
                         gives_up = ui.button("Close without saving").clicked();
                         is_open = !ui.button("Cancel").clicked() && !ui.input(|input| input.key_pressed(Key::Escape));
                     });
@@ -136,6 +146,7 @@ impl Viewer {
         if gives_up {
             match closing {
                 Closing::Program => {
+                    self.savings.iter().for_each(Saving::cancel);
                     self.gives_up = true;
                     context.send_viewport_cmd(ViewportCommand::Close);
                 }
@@ -155,16 +166,10 @@ impl Viewer {
             self.form_is_open = false;
             return;
         };
-        let first = PictureForm {
-            size: self.view_size,
-            is_transparent: false,
-            is_deep: false,
-            quality: Quality::High,
-            frames: 1,
-        };
-        let form = self.form.get_or_insert(first);
+        let form = self.form.get_or_insert_default();
         let (mut is_open, mut saves) = (true, false);
-        Window::new("Save picture")
+        Window::new(format!("Save picture of {}", shortened(&document.title, LONGEST_TAB)))
+            .id(egui::Id::unique("picture"))
             .open(&mut is_open)
             .collapsible(false)
             .resizable(false)

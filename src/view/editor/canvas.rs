@@ -164,14 +164,6 @@ pub(super) fn points(
         list.curve.at(low + share * (high - low)).colour
     });
     show_ends(ui, axes.ends);
-    if !missing.is_empty() {
-        let ranges: Vec<String> =
-            missing.iter().take(3).map(|[from, to]| format!("{} to {}", number(*from), number(*to))).collect();
-        ui.colored_label(
-            ui.visuals().warn_fg_color,
-            format!("The build left out some voxels of {}. Build the file again to see them.", ranges.join(", ")),
-        );
-    }
     if state.selected_of(Which::Opacities, list.curve.points().len()).is_none() {
         ui.small("Drag a point, or drag from an empty place to add one; right-click removes.");
     }

@@ -24,10 +24,21 @@ pub struct EditorState {
 pub fn editor(ui: &mut Ui, edited: &mut Edited, state: &mut EditorState, stored: &StoredValues, missing: &[[f64; 2]]) {
     match edited {
         Edited::Points(list) => points(ui, list, &mut state.canvases, stored, missing),
-        Edited::Labels(table) => return labels(ui, table, state),
+        Edited::Labels(table) => labels(ui, table, state),
         Edited::Surfaces(table) => surfaces(ui, table, stored.range()),
     }
-    choices(ui, edited, state, stored);
+    if !missing.is_empty() {
+        let range = |[from, to]: &[f64; 2]| {
+            if from == to { number(*from) } else { format!("{} to {}", number(*from), number(*to)) }
+        };
+        let ranges: Vec<String> = missing.iter().take(3).map(range).collect();
+        let text =
+            format!("The build left out some voxels of {}. Build the file again to see them.", ranges.join(", "));
+        ui.colored_label(ui.visuals().warn_fg_color, text);
+    }
+    if !matches!(edited, Edited::Labels(_)) {
+        choices(ui, edited, state, stored);
+    }
 }
 
 /// Returns whether the user drags or types, so that what changes next belongs to the same change.
@@ -142,11 +153,12 @@ pub fn field<N: Numeric>(number: &mut N, range: RangeInclusive<N>) -> DragValue<
 /// Returns a number, [`rounded`], with this many decimals or more.
 fn digits(value: f64, decimals: usize) -> String {
     let value = rounded(value);
-    let padded = format!("{value:.decimals$}");
     match value.abs() {
-        _ if padded.parse() == Ok(value) => padded,
-        1e-5..1e15 => value.to_string(),
-        _ => format!("{value:e}"),
+        size if size != 0.0 && !(1e-5..1e15).contains(&size) => format!("{value:e}"),
+        _ => {
+            let padded = format!("{value:.decimals$}");
+            if padded.parse() == Ok(value) { padded } else { value.to_string() }
+        }
     }
 }
 
@@ -203,6 +215,7 @@ mod tests {
         let wanted =
             ["0.00", "0.50", "0.058824", "0.0015", "2e-9", "127.1102", "1000000.00", "123456789.00", "1e-300", "-0.25"];
         assert_eq!(texts[..10], wanted);
+        assert_eq!([1.5e20, 1e300, -3.4e38].map(|value| digits(value, 2)), ["1.5e20", "1e300", "-3.4e38"]);
         assert!(texts.iter().zip(shown).all(|(text, value)| text.parse() == Ok(rounded(value))), "{texts:?}");
         assert_eq!([0.0012, 0.0488, 12.3456, 3e-7].map(number), ["0.0012", "0.0488", "12.346", "3.000e-7"]);
     }

@@ -345,3 +345,20 @@ fn a_drag_in_the_colour_picker_is_one_change() {
     assert_eq!(list(&harness), before);
     assert!(!harness.state().edits.can_undo());
 }
+
+/// Only curves said it.
+#[test]
+fn every_editor_names_values_that_the_build_left_out() {
+    let stored = StoredValues { low: 0.0, step: 1.0, counts: vec![0, 5, 7], largest_magnitude: None };
+    let labels = r##"{"kind":"labels","labels":[{"label":1,"name":"liver","colour":"#802010","opacity":1.0}]}"##;
+    let surfaces = r##"{"kind":"contour","contours":[{"value":1.5,"opacity":0.8,"colour":"#ffffff"}]}"##;
+    let ramp = Edited::Points(PointList::ramp(&stored));
+    let tables = [labels, surfaces].map(|text| Edited::of(&TransferFunction::from_json(text).unwrap(), &stored));
+    for mut edited in tables.into_iter().chain([ramp]) {
+        let (stored, mut state) = (stored.clone(), EditorState::default());
+        let show = move |ui: &mut egui::Ui| editor(ui, &mut edited, &mut state, &stored, &[[1.0, 1.0], [2.0, 3.5]]);
+        let mut harness = Harness::new_ui(show);
+        harness.run();
+        assert!(harness.query_by_label_contains("The build left out some voxels of 1, 2 to 3.5.").is_some());
+    }
+}
