@@ -19,7 +19,7 @@ from .build import BuildWarning, Packing, Place, chosen_transfer, placed_volume
 from .data_array import in_order, is_of_xarray
 from .model import Model, open
 from .pictures import linear_picture
-from .render import Look, Renderer
+from .render import Look, Renderer, warn_missing
 from .transfer import as_transfer
 from .volume_file import VolumeFile, VolumePart
 
@@ -151,7 +151,11 @@ class BrickRenderer(Renderer):
     def __init__(self, collection: Collection, *, transfer: Any = None, each: Callable[..., Any] | None = None):
         self.model: Any = collection
         self._device = None
-        self._transfer = None if transfer is None else as_transfer(transfer).to_json()
+        self._transfer: str | None = None
+        if transfer is not None:
+            # Of the whole: where the colours of an open range end, for example, follows from all bricks.
+            self._transfer, missing = collection._open.drawable(as_transfer(transfer).to_json())
+            warn_missing(missing)
         self._each = each
 
     def _framed(

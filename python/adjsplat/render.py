@@ -78,6 +78,14 @@ def _clip(clip: Any) -> list[list[float]]:
     return plane.tolist()
 
 
+def warn_missing(missing: Sequence[Sequence[float]]) -> None:
+    """Warns of the values that a function shows and the build left out."""
+    if missing:
+        ranges = ", ".join(f"{low:g} to {high:g}" for low, high in missing[:6])
+        message = f"values {ranges} are visible, but the model does not store all of them: build it again"
+        warnings.warn(message, stacklevel=3)
+
+
 class Renderer:
     """Draws many pictures of one model. On a graphics device, the model stays there from picture to picture.
 
@@ -97,11 +105,8 @@ class Renderer:
         model = f if isinstance(f, Model) else open(f)
         #: The model that is drawn.
         self.model = model if transfer is None else model.with_transfer(transfer)
-        if transfer is not None and (missing := self.model.missing_values(self.model.transfer)):
-            ranges = ", ".join(f"{low:g} to {high:g}" for low, high in missing[:6])
-            warnings.warn(
-                f"values {ranges} are visible, but the model does not store all of them: build it again", stacklevel=2
-            )
+        if transfer is not None:
+            warn_missing(self.model.missing_values(self.model.transfer))
         self._device = _opened(self.model, device, vram)
 
     @property

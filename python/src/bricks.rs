@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use adjsplat::build::{BuildOptions, Resources};
 use adjsplat::collection::{self, Partition};
 use adjsplat::error::Error;
-use adjsplat::internals::{drawable, stored_transfer};
+use adjsplat::internals::stored_transfer;
 use adjsplat::splat::Camera;
 use numpy::PyArray3;
 use pyo3::prelude::*;
@@ -252,7 +252,20 @@ impl Collection {
         Ok(order.into_iter().filter(|&index| self.0.bricks()[index].file.is_some()).collect())
     }
 
-    /// Draws one brick; None if nothing of it is in the picture. `transfer` is JSON; without, the file's own.
+    /// Returns a transfer function (JSON) with the numbers filled in that follow from all bricks, and the values that it shows and the
+    /// build left out.
+    fn drawable(&self, py: Python<'_>, transfer: &str) -> PyResult<(String, Vec<[f64; 2]>)> {
+        let transfer = parsed(transfer)?;
+        let filled_in = || {
+            let transfer = self.0.drawable(transfer)?;
+            let missing = self.0.missing_values(&transfer)?;
+            Ok((transfer.to_json(), missing))
+        };
+        py.detach(filled_in).map_err(exception)
+    }
+
+    /// Draws one brick; None if nothing of it is in the picture. `transfer` is JSON that [`Collection::drawable`] returned; without,
+    /// the file's own.
     fn render_brick<'py>(
         &self,
         py: Python<'py>,
@@ -268,7 +281,7 @@ impl Collection {
             let file = self.0.bricks().get(index).and_then(|brick| brick.file.as_ref()).ok_or_else(missing)?;
             let arena = file.arena()?;
             let transfer = match given {
-                Some(transfer) => drawable(&arena, transfer)?,
+                Some(transfer) => transfer,
                 None => stored_transfer(&arena).ok_or_else(|| {
                     Error::input(file.path().display().to_string(), "stores no transfer function that can be read")
                 })?,

@@ -29,6 +29,22 @@ def test_a_model_is_split_joined_and_drawn(file, tmp_path):
     assert pickle.loads(pickle.dumps(bricks)).shape == f.shape
 
 
+def test_an_open_range_colours_bricks_as_parts_of_the_whole(tmp_path):
+    # Each brick had the colours of its own values: 18.5 dB.
+    ramp = np.zeros((32, 32, 32), np.uint8) + np.arange(20, 212, 6, dtype=np.uint8)[:, None, None]
+    f = adj.build(ramp, tmp_path / "a.adj", visible=(30, None))
+    bricks = adj.split(f, tmp_path / "a.adjs", slab=8)
+    view = {"size": (90, 80), "azimuth": 20, "elevation": 5, "quality": "reference"}
+    view["transfer"] = adj.TransferFunction.range(10)
+    pictures = []
+    for draw, drawn in [(adj.render, f), (adj.Collection.render, bricks), (adj.dask.render, bricks)]:
+        with pytest.warns(UserWarning, match="values 20 to 30 are visible"):
+            pictures.append(draw(drawn, **view))
+    # As with the stored function: slabs are seen across their cuts.
+    assert adj.compare(pictures[0], pictures[1]).psnr > 35
+    assert np.abs(pictures[2] - pictures[1]).max() < 1e-5
+
+
 @pytest.mark.parametrize("look", [{}, {"elevation": 88}, {"mode": "xray", "exposure": 1}, {"perspective": 40}])
 def test_pictures_by_brick_and_by_task_are_near_those_of_the_whole(file, tmp_path, look):
     f = adj.open(file)

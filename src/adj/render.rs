@@ -26,7 +26,7 @@ use super::progress::{Progress, interrupted, stop};
 use super::renderer::{RendererArguments, needs_volume};
 use super::resources::processors;
 use super::size::memory;
-use super::stored::{missing_values, stored_transfer};
+use super::stored::{note_missing, stored_transfer};
 use super::values::{LevelChoice, level, number};
 use super::{Answer, WITHOUT_NOTES, check_output, print_note};
 use adjsplat::arena::Arena;
@@ -35,7 +35,7 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput, arena_bytes, open_rows, scratch_folder};
-use adjsplat::internals::{description, drawable, level_parts};
+use adjsplat::internals::{description, drawable, level_parts, missing_values};
 use adjsplat::limits::Limits;
 use adjsplat::splat::{Camera, Outline, Scene, Settings};
 use adjsplat::traverse::VoxelBox;
@@ -371,11 +371,7 @@ fn draw(
     let transfer_given = transfer.is_some();
     let transfer = match transfer {
         Some(transfer) => {
-            if let Some(values) = missing_values(arena, &transfer)? {
-                print_note(&format!(
-                    "note: values {values} are visible under this transfer function, but the file does not store all of them; build it again with this function"
-                ));
-            }
+            note_missing(&missing_values(arena, &transfer)?.unwrap_or_default());
             drawable(arena, transfer)?
         }
         None => stored_transfer(arena, job.input.path())?,

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::print_note;
 use adjsplat::arena::Arena;
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
@@ -20,6 +21,16 @@ pub(super) fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunc
 pub(super) fn missing_values(arena: &Arena, transfer: &TransferFunction) -> Result<Option<String>> {
     let missing = internals::missing_values(arena, transfer)?.unwrap_or_default();
     Ok((!missing.is_empty()).then(|| described(&missing)))
+}
+
+/// Prints a note that names the values that a transfer function shows but the file does not store, if there are any.
+pub(super) fn note_missing(missing: &[[f64; 2]]) {
+    if !missing.is_empty() {
+        let values = described(missing);
+        print_note(&format!(
+            "note: values {values} are visible under this transfer function, but the file does not store all of them; build it again with this function"
+        ));
+    }
 }
 
 /// Formats ranges of values: `20..60, 80 and above 100`.

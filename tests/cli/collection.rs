@@ -70,6 +70,25 @@ fn a_picture_of_a_collection_is_that_of_the_file() {
     folder.adj("render a.adjs -o m.png --dims 3x3x3").refused(&["--dims"]);
 }
 
+/// Each brick had the colours of its own values: 18.5 dB.
+#[test]
+fn an_open_range_colours_bricks_as_parts_of_the_whole() {
+    let folder = Folder::new();
+    let ramp: Vec<u8> = (0..32u8).flat_map(|slice| vec![slice * 6 + 20; 32 * 32]).collect();
+    folder.write("v.raw", &ramp);
+    folder.adj("build v.raw --dims 32x32x32 --type u8 --range 30.. -q -o a.adj").done();
+    folder.adj("split a.adj -o a.adjs --slab 8").done();
+    let view = "--size 90x80 --azimuth 20 --elevation 5 --quality reference --renderer cpu --range 10..";
+    for command in ["render a.adj -o a.exr", "render a.adjs --bricks -o b.exr"] {
+        let run = folder.adj(&format!("{command} {view}"));
+        assert!(run.stderr.contains("values 20..30 are visible"), "what the build left out is named: {}", run.stderr);
+        run.done();
+    }
+    let psnr = folder.adj("compare a.exr b.exr --json").json()["psnr"].as_f64();
+    // As with the stored function: slabs are seen across their cuts.
+    assert!(psnr.is_some_and(|psnr| psnr > 35.0), "{psnr:?}");
+}
+
 #[test]
 fn a_picture_of_a_collection_takes_no_more_memory_for_pages_of_its_bricks() {
     let folder = Folder::new();

@@ -42,7 +42,7 @@ fn the_copied_command_makes_the_picture_of_the_view() {
     let other = TransferFunction::range(120.0, 130.0).unwrap();
     for (look, transfer) in [(first, None), (cut, Some(other)), (maximum, None)] {
         let drawn = transfer.clone().map_or(model.clone(), |transfer| model.with_transfer(transfer).unwrap());
-        let line = command(&file, &look, &model, [90, 70], Quality::High, transfer.as_ref()).unwrap();
+        let line = command(&file, false, &look, &model, [90, 70], Quality::High, transfer.as_ref()).unwrap();
         let program = program().get_program().to_owned();
         let line = line.replacen("adj ", &format!("'{}' ", Path::new(&program).display()), 1);
         let ran = Command::new("sh").arg("-c").arg(&line).current_dir(folder.path()).output().unwrap();

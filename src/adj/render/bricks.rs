@@ -5,7 +5,7 @@ use super::super::join::{files_of, name_faults, opened};
 use super::super::memory_shares::BoundedLanes;
 use super::super::progress::Progress;
 use super::super::renderer::Renderer;
-use super::super::stored::stored_transfer;
+use super::super::stored::{note_missing, stored_transfer};
 use super::super::{Answer, check_output};
 use super::frames::draw_frames;
 use super::view::cameras;
@@ -15,7 +15,6 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::scratch_folder;
-use adjsplat::internals::drawable;
 use adjsplat::splat::Settings;
 
 impl RenderJob<'_> {
@@ -123,7 +122,11 @@ impl RenderJob<'_> {
             .ok_or_else(|| Error::input(self.input.path().display().to_string(), "none of its bricks can be used"))?;
         let arena = first.arena()?;
         let transfer = match arguments.classification.transfer(self.input.path())? {
-            Some(transfer) => drawable(&arena, transfer)?,
+            Some(transfer) => {
+                let transfer = collection.drawable(transfer)?;
+                note_missing(&collection.missing_values(&transfer)?);
+                transfer
+            }
             None => stored_transfer(&arena, first.path())?,
         };
         let cameras = cameras(&arguments.view, &collection.outline(settings.crop)?, settings.size)?;

@@ -204,6 +204,11 @@ impl TransferFunction {
         }
     }
 
+    /// Returns whether this is a range function without a [`TransferFunction::value_range`].
+    pub(crate) fn lacks_value_range(&self) -> bool {
+        matches!(self.kind, TransferKind::Range { value_range: None, .. })
+    }
+
     /// Returns the data's lowest and highest value, if this is a range function and they were set by
     /// [`TransferFunction::with_value_range`].
     pub fn value_range(&self) -> Option<[f64; 2]> {

@@ -12,6 +12,7 @@ use crate::arena::Detail;
 use crate::arena::layout::Facts;
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
+use crate::model::{drawable_with, missing_values_of};
 use crate::splat::camera::Projection;
 use crate::splat::camera::ToCamera;
 use crate::splat::levels::level_parts;
@@ -26,6 +27,29 @@ impl Collection {
     /// [`Error::Input`] if a number of the orbit is out of its range; [`Error::Format`] if a file was changed in place.
     pub fn camera(&self, camera: &impl ToCamera, settings: &Settings) -> Result<Camera> {
         camera.to_camera(&self.outline(settings.crop)?, settings.size)
+    }
+
+    /// Returns `transfer` with the numbers filled in that follow from all bricks, so that it colours each as a part of the whole: voxel
+    /// length, largest magnitude, and where the colours of a range function's open ends stop. For the last one, every voxel is read.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if `transfer` needs gradient magnitudes that are not stored; [`Error::Format`] if a file was changed in place
+    /// since it was opened.
+    pub fn drawable(&self, transfer: TransferFunction) -> Result<TransferFunction> {
+        let files = || self.once().iter().filter_map(|brick| brick.file.as_ref());
+        let largest =
+            || files().try_fold(0, |largest, file| Ok(file.arena()?.x_lane().largest_value_code().max(largest)));
+        drawable_with(&self.manifest().facts(), transfer, largest)
+    }
+
+    /// Returns the values that `transfer` shows and the build left out, as ranges `[lowest, highest]`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the stored scale of magnitudes is out of range.
+    pub fn missing_values(&self, transfer: &TransferFunction) -> Result<Vec<[f64; 2]>> {
+        let manifest = self.manifest();
+        let missing = missing_values_of(&manifest.facts(), manifest.description().as_bytes(), transfer)?;
+        Ok(missing.unwrap_or_default())
     }
 
     /// Returns the outline of the visible voxels of all bricks; with a `crop`, of those in that box.
@@ -58,7 +82,8 @@ impl Collection {
         Ok(order.into_iter().map(|index| first + index).collect())
     }
 
-    /// Draws brick `index` alone, with the transfer function of the whole; `None` if nothing of it is to be drawn.
+    /// Draws brick `index` alone, with the transfer function of the whole, which [`Collection::drawable`] returns; `None` if nothing
+    /// of it is to be drawn.
     ///
     /// # Errors
     /// The errors of [`cpu::render`].

@@ -12,6 +12,7 @@ use std::sync::Arc;
 
 pub use build::Build;
 pub use transfer::{drawable, missing_values, stored_transfer};
+pub(crate) use transfer::{drawable_with, missing_values_of};
 pub use voxels::{ModelVoxel, Voxels};
 
 use crate::arena::lanes::LevelLanes;

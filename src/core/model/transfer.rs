@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use crate::arena::Arena;
-use crate::arena::layout::Scales;
+use crate::arena::layout::{Facts, Scales};
 use crate::classify::{MagnitudeCodec, TransferFunction};
 use crate::error::{Error, Result};
 
@@ -28,17 +28,27 @@ pub fn stored_transfer(arena: &Arena) -> Option<TransferFunction> {
 /// # Errors
 /// [`Error::Input`] if `transfer` needs gradient magnitudes but the file does not store them.
 pub fn drawable(arena: &Arena, transfer: TransferFunction) -> Result<TransferFunction> {
-    let facts = arena.facts();
+    let largest = || Ok(arena.lanes().next().map_or(0, |lane| lane.largest_value_code()));
+    drawable_with(arena.facts(), transfer, largest)
+}
+
+/// The same for voxels of these facts. `largest` returns their largest value code; it is asked only if the function needs it.
+pub(crate) fn drawable_with(
+    facts: &Facts,
+    transfer: TransferFunction,
+    largest: impl FnOnce() -> Result<u16>,
+) -> Result<TransferFunction> {
     if transfer.uses_gradient() && facts.channels.magnitude_bits == 0 {
         let why = "needs gradient magnitudes, which this file does not store; build it again with this function";
         return Err(Error::input("transfer function", why));
     }
     let Scales { value_low, value_step, magnitude_scale } = facts.scales;
-    let largest = arena.lanes().next().map_or(0, |lane| lane.largest_value_code());
     let transfer = if magnitude_scale > 0.0 { transfer.with_largest_magnitude(magnitude_scale)? } else { transfer };
-    transfer
-        .with_voxel_length(facts.grid.mean_spacing())?
-        .with_value_range(value_low, value_low + f64::from(largest) * value_step)
+    let transfer = transfer.with_voxel_length(facts.grid.mean_spacing())?;
+    if !transfer.lacks_value_range() {
+        return Ok(transfer);
+    }
+    transfer.with_value_range(value_low, value_low + f64::from(largest()?) * value_step)
 }
 
 /// Returns the ranges of values that `transfer` shows but the file's own function does not; `None` if it has none.
@@ -46,14 +56,24 @@ pub fn drawable(arena: &Arena, transfer: TransferFunction) -> Result<TransferFun
 /// # Errors
 /// [`Error::Input`] if the file's scale of magnitudes cannot be used.
 pub fn missing_values(arena: &Arena, transfer: &TransferFunction) -> Result<Option<Vec<[f64; 2]>>> {
-    let Some(stored) = stored_transfer(arena) else { return Ok(None) };
-    let transfer = transfer.clone().with_voxel_length(arena.facts().grid.mean_spacing())?;
-    let values = serde_json::from_slice(arena.description()).ok().map(|Values { values }| values);
+    missing_values_of(arena.facts(), arena.description(), transfer)
+}
+
+/// The same for voxels of these facts, whose file has this description.
+pub(crate) fn missing_values_of(
+    facts: &Facts,
+    description: &[u8],
+    transfer: &TransferFunction,
+) -> Result<Option<Vec<[f64; 2]>>> {
+    let voxel_length = facts.grid.mean_spacing();
+    let Some(stored) = TransferFunction::of_description(description, voxel_length) else { return Ok(None) };
+    let transfer = transfer.clone().with_voxel_length(voxel_length)?;
+    let values = serde_json::from_slice(description).ok().map(|Values { values }| values);
     let (lowest, highest) = values.map_or((None, None), |values| (values.lowest, values.highest));
     let values = [lowest.unwrap_or(f64::NEG_INFINITY), highest.unwrap_or(f64::INFINITY)];
-    let largest_magnitude = match arena.facts().channels.magnitude_bits {
+    let largest_magnitude = match facts.channels.magnitude_bits {
         0 => f64::INFINITY,
-        _ => MagnitudeCodec::new(arena.facts().scales.magnitude_scale)?.largest(),
+        _ => MagnitudeCodec::new(facts.scales.magnitude_scale)?.largest(),
     };
     Ok(Some(transfer.missing_from(&stored, values, largest_magnitude)))
 }
