@@ -18,7 +18,6 @@ use adjsplat::traverse::VoxelBox;
 use egui::Context;
 #[cfg(target_arch = "wasm32")]
 use send_wrapper::SendWrapper;
-use serde::Deserialize;
 
 use crate::background;
 use crate::editor::StoredValues;
@@ -212,15 +211,10 @@ impl Opened {
     }
 }
 
-/// Returns the unit of lengths that the description of a file states.
+/// Returns the unit of lengths that a file states, if it is short enough for a line.
 fn unit_of(model: &Model) -> Option<String> {
-    #[derive(Deserialize)]
-    struct Description {
-        unit: Option<String>,
-    }
-    let arena = model.arena().ok()?;
-    let Description { unit } = serde_json::from_slice(arena.description()).ok()?;
-    unit.map(|unit| shortened(unit.trim(), 80)).filter(|unit| !unit.is_empty() && !unit.contains(char::is_control))
+    let unit = shortened(model.unit()?.trim(), 80);
+    Some(unit).filter(|unit| !unit.is_empty() && !unit.contains(char::is_control))
 }
 
 /// A file that is being opened.

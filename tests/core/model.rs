@@ -115,6 +115,13 @@ fn a_walk_hands_over_every_visible_voxel_once_near_ones_first() {
 }
 
 #[test]
+fn a_model_states_the_unit_of_its_volume() {
+    let built = |volume: &Volume| Build::new(TransferFunction::range(50.0, 60.0).unwrap()).run(volume).unwrap();
+    assert_eq!(built(&volume().with_unit("mm")).unit().as_deref(), Some("mm"));
+    assert_eq!(built(&volume()).unit(), None);
+}
+
+#[test]
 fn samples_that_do_not_fill_the_grid_are_refused() {
     let error = Volume::new(DIMS, vec![0u8; 314]).unwrap_err().to_string();
     assert_eq!(error, "samples: are 314, but 9 x 7 x 5 points need 315");

@@ -10,6 +10,8 @@ mod voxels;
 use std::path::Path;
 use std::sync::Arc;
 
+use serde::Deserialize;
+
 pub use build::Build;
 pub use transfer::{drawable, missing_values, stored_transfer};
 pub(crate) use transfer::{drawable_with, missing_values_of};
@@ -156,6 +158,16 @@ impl Model {
     /// Returns the transfer function that pictures are drawn with.
     pub fn transfer(&self) -> &TransferFunction {
         &self.transfer
+    }
+
+    /// Returns the unit of lengths that the file's description states; its grid has none.
+    pub fn unit(&self) -> Option<String> {
+        #[derive(Deserialize)]
+        struct Description {
+            unit: Option<String>,
+        }
+        let Description { unit } = serde_json::from_slice(self.arena().ok()?.description()).ok()?;
+        unit
     }
 
     /// Returns the grid: the number of voxels along each axis, and their positions in the world.

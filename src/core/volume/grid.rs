@@ -70,7 +70,7 @@ pub struct Grid {
     /// World directions of the index axes, as unit vectors: axis `a` points along `direction[a]`. Their squared lengths
     /// are within 0.002 of 1.
     pub direction: [[f64; 3]; 3],
-    /// Unit of spacing and origin, such as "mm", if the file names one.
+    /// Unit of spacing and origin, such as "mm", if the volume names one. That of a model is [`Model::unit`](crate::Model::unit).
     pub unit: Option<String>,
 }
 
