@@ -278,6 +278,20 @@ impl Viewer {
         } else if index <= self.active {
             self.active += 1;
         }
+        #[cfg(not(target_arch = "wasm32"))]
+        self.tell_apart();
+    }
+
+    /// Puts their folders before the names of files that have the same name.
+    #[cfg(not(target_arch = "wasm32"))]
+    fn tell_apart(&mut self) {
+        let names: Vec<String> = self.documents.iter().map(|document| document.place.name()).collect();
+        for (document, name) in self.documents.iter_mut().zip(&names) {
+            let folder = document.place.path().and_then(Path::parent).and_then(Path::file_name);
+            if let Some(folder) = folder.filter(|_| names.iter().filter(|other| *other == name).count() > 1) {
+                document.title = format!("{}/{name}", folder.display());
+            }
+        }
     }
 
     /// Returns whether a window asks something.

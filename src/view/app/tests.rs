@@ -251,6 +251,21 @@ fn files_are_tabs_in_the_order_in_which_they_were_to_be_opened() {
 }
 
 #[test]
+fn files_of_the_same_name_are_told_apart_by_their_folders() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = two(folder.path());
+    let other = folder.path().join("other");
+    std::fs::create_dir(&other).unwrap();
+    std::fs::copy(folder.path().join("a.adj"), other.join("a.adj")).unwrap();
+    let context = driven.ctx.clone();
+    driven.state_mut().open(&context, FilePlace::Path(other.join("a.adj")));
+    wait(&mut driven, |viewer| viewer.documents.len() == 3);
+    let titles: Vec<_> = driven.state().documents.iter().map(|document| document.title.clone()).collect();
+    let first = format!("{}/a.adj", folder.path().file_name().unwrap().display());
+    assert_eq!(titles, [first, "b.adj".into(), "other/a.adj".into()]);
+}
+
+#[test]
 fn linked_views_stay_linked_side_by_side_and_when_another_file_opens() {
     let folder = tempfile::tempdir().unwrap();
     let mut driven = two(folder.path());
