@@ -195,7 +195,9 @@ def build(
         spacing, origin, direction, frame = volume.GetSpacing(), volume.GetOrigin(), volume.GetDirection(), "LPS"
         from SimpleITK import GetArrayViewFromImage
 
-        volume = GetArrayViewFromImage(volume)
+        # The view does not keep the image, whose memory it shows: this name does.
+        image = volume
+        volume = GetArrayViewFromImage(image)
     volume, place = placed_volume(volume, spacing, origin, direction, frame, unit, is_raw=shape is not None)
     packing = Packing(lanes, value_bits, normal_bits, memory, threads, levels)
     if is_array(volume):

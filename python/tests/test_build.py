@@ -159,6 +159,15 @@ def test_an_array_whose_slices_change_their_shape_raises(volume):
         adj.build(Lying(), visible=(60, None))
 
 
+def test_an_image_of_simpleitk_that_nobody_else_holds_is_built_from_its_own_samples():
+    sitk = pytest.importorskip("SimpleITK")
+    # So large that its memory goes back to the system as soon as it is freed.
+    array = blob((60, 800, 800))
+    place = {"spacing": (1, 1, 1), "origin": (0, 0, 0), "direction": np.eye(3), "frame": "LPS"}
+    built = adj.build(sitk.GetImageFromArray(array), visible=(60, None))
+    same(built, adj.build(array, visible=(60, None), **place))
+
+
 def test_files_of_several_formats(volume, tmp_path):
     whole = adj.build(volume, visible=(60, None))
     (tmp_path / "v.raw").write_bytes(volume.tobytes())
