@@ -1,5 +1,6 @@
 """The compiled part of adjsplat. The Python files around it are what users call."""
 
+import pathlib
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
@@ -131,6 +132,8 @@ class Collection:
     def count(self) -> int: ...
     @property
     def level_count(self) -> int: ...
+    @property
+    def files(self) -> list[pathlib.Path]: ...
     @property
     def bricks(self) -> list[tuple[list[int], list[int], int, str | None]]: ...
     @property

@@ -35,14 +35,14 @@ def path_in_folder(out: str | os.PathLike[str]) -> str:
     return path
 
 
-def output_path(out: str | os.PathLike[str], files: Sequence[str] = ()) -> str:
-    """Returns the absolute path of the output, if it would replace nothing but an .adj file."""
+def output_path(out: str | os.PathLike[str], files: Sequence[str | os.PathLike[str]] = ()) -> str:
+    """Returns the absolute path of the output, if it would replace nothing but an .adj file that is none of `files`."""
     path = path_in_folder(out)
     if path_text(out).endswith(("/", os.sep)):
         raise ValueError(f"{path_text(out)} names a folder; give a file name")
     if os.path.isfile(path) and os.path.getsize(path):
         if any(os.path.exists(file) and os.path.samefile(file, path) for file in files):
-            raise ValueError(f"{path} is the volume itself, which the model would replace; give another name")
+            raise ValueError(f"{path} is one of the files that this call reads; give another name")
         with open(path, "rb") as file:
             is_adj = file.read(8) == b"\x89ADJ\r\n\x1a\n"
         if not is_adj and not path.endswith(".adj"):

@@ -121,7 +121,7 @@ class Collection:
         leaves out such bricks, too, with a `BuildWarning` for each that is left out. `verify=False` does not check them: it
         is faster, but damage may pass into the file.
         """
-        path = output_path(out)
+        path = output_path(out, self._native.files)
         limits = byte_count(memory), thread_count(threads)
         checks = bool(verify), self._partial
         model, faults = self._native.join(path, checks, *limits, function("progress", progress))
@@ -461,7 +461,7 @@ def building_folder(out: str) -> str:
 def finished(plan: BrickPlan, building: str, out: str) -> Collection:
     """Makes a collection of the bricks in `building` and gives it its name; what killed workers left there goes."""
     built = plan.finish(building)
-    kept = {brick.file for brick in built.bricks} | {built._native.preview, "collection.json"}
+    kept = {file.name for file in built._native.files}
     for name in set(os.listdir(building)) - kept:
         path = os.path.join(building, name)
         shutil.rmtree(path) if os.path.isdir(path) else os.remove(path)

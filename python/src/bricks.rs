@@ -176,6 +176,12 @@ impl Collection {
         self.0.levels().len()
     }
 
+    /// The paths of the bricks, the preview and the manifest.
+    #[getter]
+    fn files(&self) -> Vec<PathBuf> {
+        self.0.files().collect()
+    }
+
     /// The bricks, partition after partition.
     #[getter]
     fn bricks(&self) -> Vec<Listed> {

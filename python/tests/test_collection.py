@@ -153,6 +153,17 @@ def test_a_path_that_is_there_or_has_no_folder_is_an_error_of_the_system(model, 
             use(tmp_path / "no" / "a.nii")
 
 
+def test_a_joined_file_replaces_no_file_of_its_collection(model, tmp_path):
+    bricks = adj.split(model, tmp_path / "a.adjs", slab=8, preview=2)
+    (tmp_path / "link.adj").symlink_to(tmp_path / "a.adjs" / bricks.bricks[0].file)
+    kept = {path: path.read_bytes() for path in (tmp_path / "a.adjs").iterdir()}
+    assert len(kept) == 4
+    for path in [*kept, tmp_path / "link.adj"]:
+        with pytest.raises(ValueError, match="is one of the files that this call reads; give another name"):
+            bricks.join(path)
+    assert {path: path.read_bytes() for path in kept} == kept
+
+
 def test_a_plan_refuses_samples_of_another_place(tmp_path):
     array = blob()
     plan = adj.BrickPlan(array, visible=(60, None), slab=5)

@@ -11,7 +11,7 @@ use super::flags::one_line;
 use super::progress::Progress;
 use super::resources::ResourceArguments;
 use super::{Answer, print_note, print_result};
-use adjsplat::collection::{Collection, MANIFEST, Manifest};
+use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
 
 /// Join a collection to one .adj file: the bytes that one build of the whole volume makes
@@ -45,7 +45,7 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
     let mut collection = opened(&arguments.input)?;
-    check_adj_output(&arguments.output, files_of(&collection))?;
+    check_adj_output(&arguments.output, collection.files())?;
     if !arguments.no_verify {
         collection.leave_out_damaged();
     }
@@ -70,14 +70,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         format!("{path}: {visible} voxels, {}, {seconds:.2} s", indicatif::HumanBytes(bytes))
     });
     Ok(Answer::Yes)
-}
-
-/// Returns the paths of the collection's files.
-pub(super) fn files_of(collection: &Collection) -> impl Iterator<Item = PathBuf> {
-    let Manifest { partitions, preview, .. } = collection.manifest();
-    let bricks = partitions.iter().flatten().filter_map(|brick| brick.file.as_deref());
-    let names = bricks.chain(preview.iter().map(|preview| preview.file.as_str())).chain([MANIFEST]);
-    names.map(|name| collection.path().join(name))
 }
 
 /// Opens a collection.

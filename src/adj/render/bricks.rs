@@ -1,7 +1,7 @@
 //! Draws collections: joined in memory or in a temporary file, or brick by brick.
 
 use super::super::flags::one_line;
-use super::super::join::{files_of, name_faults, opened};
+use super::super::join::{name_faults, opened};
 use super::super::memory_shares::BoundedLanes;
 use super::super::progress::Progress;
 use super::super::renderer::Renderer;
@@ -89,7 +89,7 @@ impl RenderJob<'_> {
 
     fn check_stats(&self, collection: &Collection) -> Result<()> {
         let stats = self.arguments.stats.as_ref();
-        stats.map_or(Ok(()), |stats| check_output("--stats", stats, files_of(collection)))
+        stats.map_or(Ok(()), |stats| check_output("--stats", stats, collection.files()))
     }
 
     fn draw_preview(&self, settings: Settings) -> Result<Answer> {

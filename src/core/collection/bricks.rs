@@ -143,6 +143,14 @@ impl Collection {
         &self.manifest
     }
 
+    /// Returns the paths of the files that the manifest names, and its own.
+    pub fn files(&self) -> impl Iterator<Item = PathBuf> {
+        let Manifest { partitions, preview, .. } = &self.manifest;
+        let bricks = partitions.iter().flatten().filter_map(|brick| brick.file.as_deref());
+        let names = bricks.chain(preview.iter().map(|preview| preview.file.as_str())).chain([super::MANIFEST]);
+        names.map(|name| self.path.join(name))
+    }
+
     /// Returns the bricks, partition after partition, each by ascending z, then y, then x.
     pub fn bricks(&self) -> &[Brick] {
         &self.bricks
