@@ -16,7 +16,7 @@ use crate::model::Model;
 use crate::render::{self, Look, camera, picture};
 use crate::source::Source;
 use crate::transfer::parsed;
-use crate::watch::Watch;
+use crate::watch::{Watch, unless_interrupted};
 
 /// How the bricks of a volume are built; it travels as JSON.
 #[pyclass(frozen, module = "adjsplat._native")]
@@ -282,8 +282,11 @@ impl Collection {
     ) -> PyResult<Option<Bound<'py, PyArray3<f32>>>> {
         let (settings, camera) = (look.settings()?, self::camera(camera)?);
         let given = transfer.map(parsed).transpose()?;
-        let missing = || Error::input("brick", format!("{index} does not exist, or has no file"));
-        let drawn = py.detach(|| {
+        let missing = || match self.0.bricks().get(index).and_then(|brick| brick.entry.file.as_ref()) {
+            Some(name) => Error::input(self.0.path().join(name).display().to_string(), "is missing or cannot be used"),
+            None => Error::input("brick", format!("{index} does not exist, or has no file")),
+        };
+        let drawn = unless_interrupted(py, |stop| {
             let file = self.0.bricks().get(index).and_then(|brick| brick.file.as_ref()).ok_or_else(missing)?;
             let arena = file.arena()?;
             let transfer = match given {
@@ -292,9 +295,9 @@ impl Collection {
                     Error::input(file.path().display().to_string(), "stores no transfer function that can be read")
                 })?,
             };
-            self.0.render_brick(index, &transfer, &camera, &settings)
-        });
-        match drawn.map_err(exception)? {
+            self.0.render_brick(index, &transfer, &camera, &settings.with_stop(stop))
+        })?;
+        match drawn {
             Some((frame, stats)) if stats.splats_drawn > 0 => picture(py, &frame).map(Some),
             _ => Ok(None),
         }

@@ -25,11 +25,14 @@ mod transfer;
 mod voxels;
 mod watch;
 
+use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
+    // The crate imports numpy's interface at its first use, and panics if Ctrl-C interrupts that.
+    drop(PyArray1::<f32>::zeros(py, 0, false).readonly());
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("FormatError", py.get_type::<errors::FormatError>())?;
     module.add("DeviceError", py.get_type::<errors::DeviceError>())?;

@@ -144,6 +144,27 @@ def test_ctrl_c_stops_a_picture():
     check_ctrl_c_stops(5, DRAWN)
 
 
+BRICKS = """
+import signal, sys
+import numpy as np
+import adjsplat as adj
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+bricks = adj.Collection(sys.argv[1])
+print("ready", flush=True)
+try:
+    bricks.render((6000, 6000), quality="reference")
+except KeyboardInterrupt:
+    print("stopped", flush=True)
+"""
+
+
+def test_ctrl_c_stops_the_first_picture_of_bricks(tmp_path):
+    f = adj.build(np.random.default_rng(1).integers(1, 255, (128, 128, 128)).astype("u1"), visible=(1, None))
+    adj.split(f, tmp_path / "a.adjs", slab=64)
+    check_ctrl_c_stops(5, BRICKS, tmp_path / "a.adjs")
+
+
 def test_other_threads_run_meanwhile(volume):
     """While a build works and a picture is drawn, another thread of Python counts."""
     big = np.repeat(np.repeat(np.repeat(volume, 8, 0), 8, 1), 8, 2)
