@@ -24,10 +24,22 @@ import numpy as np
 from ._optional import needed
 from .arguments import path_in_folder, path_text
 from .build import BuildWarning
-from .collection import BrickPlan, BrickRenderer, Collection, as_volume, building_folder, finished, over, put_together
-from .pictures import save
+from .collection import (
+    BrickPlan,
+    BrickRenderer,
+    Collection,
+    as_volume,
+    building_folder,
+    finished,
+    over,
+    put_together,
+)
+from .pictures import picture_path, save
 from .render import Look
 from .volume_file import VolumeFile
+
+#: Arguments of a view that `--camera` replaces.
+ORBIT = ("azimuth", "elevation", "zoom", "perspective")
 
 
 def build(
@@ -222,15 +234,9 @@ def _parser() -> argparse.ArgumentParser:
     drawing.add_argument("input", metavar="IN.adjs")
     drawing.add_argument("-o", "--output", required=True, metavar="OUT.png|OUT.exr")
     drawing.add_argument("--size", type=_size, default=(800, 800), metavar="WxH")
-    for name, default in (
-        ("azimuth", 0.0),
-        ("elevation", 0.0),
-        ("zoom", 1.0),
-        ("perspective", None),
-        ("exposure", None),
-    ):
-        drawing.add_argument(f"--{name}", type=float, default=default)
-    drawing.add_argument("--camera", metavar="JSON", help="the whole view, as adj render takes it")
+    for name in (*ORBIT, "exposure"):
+        drawing.add_argument(f"--{name}", type=float)
+    drawing.add_argument("--camera", metavar="FILE|JSON", help="the whole view, as adj render takes it")
     drawing.add_argument(
         "--level", type=int, metavar="N", help="the level of detail to draw; 0 for the voxels themselves"
     )
@@ -252,19 +258,34 @@ def _run(arguments: argparse.Namespace, comm: Any) -> str:
         chosen |= {name: getattr(arguments, name) for name in ("slab", "partition", "preview", "lanes", "levels")}
         bricks = build(volume, arguments.output, comm=comm, **chosen)
         return f"{arguments.output}: {len(bricks.bricks)} bricks, {bricks.count} visible voxels"
+    _together(comm, picture_path, arguments.output)
     bricks = _together(comm, lambda: Collection(arguments.input, partial=arguments.partial))
     if comm.rank == 0:
         for fault in bricks.faults:
             print(f"adjsplat.mpi: {fault}; it is left out", file=sys.stderr)
     names = ("size", "quality", "mode", "exposure", "level", "background", "threads")
     look = {name: getattr(arguments, name) for name in names}
-    if arguments.camera is None:
-        look |= {name: getattr(arguments, name) for name in ("azimuth", "elevation", "zoom", "perspective")}
-    else:
-        look["camera"] = _together(comm, lambda: json.loads(arguments.camera))
+    look |= {name: getattr(arguments, name) for name in ORBIT if getattr(arguments, name) is not None}
+    if arguments.camera is not None:
+        look["camera"] = _together(comm, _camera, arguments)
     picture = render(bricks, comm=comm, **look)
     _together(comm, lambda: None if picture is None else save(arguments.output, picture))
     return f"{arguments.output}: {arguments.size[0]}x{arguments.size[1]}, {comm.size} ranks"
+
+
+def _camera(arguments: argparse.Namespace) -> Any:
+    """Returns the camera that `--camera` gives as JSON, or as the path of a JSON file."""
+    if given := [f"--{name}" for name in ORBIT if getattr(arguments, name) is not None]:
+        raise ValueError(f"--camera is the whole view; leave out {' and '.join(given)}")
+    text, name = arguments.camera, "--camera"
+    try:
+        if not text.lstrip().startswith("{"):
+            name = text
+            with open(name, encoding="utf-8") as file:
+                text = file.read()
+        return json.loads(text)
+    except ValueError as error:
+        raise ValueError(f"{name} is no JSON: {error}") from None
 
 
 def _opened(path: str) -> Any:

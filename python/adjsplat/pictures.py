@@ -61,7 +61,14 @@ def save(path: str | os.PathLike[str], pictures: Any) -> None:
     `pictures` is an array as `render` returns it, or an iterable of such. The file appears whole or not at all.
     """
     several = [pictures] if isinstance(pictures, np.ndarray) and pictures.ndim == 3 else list(pictures)
-    _native.write_pictures(path_in_folder(path), [linear_picture(picture) for picture in several])
+    _native.write_pictures(picture_path(path), [linear_picture(picture) for picture in several])
+
+
+def picture_path(out: str | os.PathLike[str]) -> str:
+    """Returns the absolute path of a picture to write, if its folder is there and its ending is that of a picture."""
+    path = path_in_folder(out)
+    _native.check_picture_path(path)
+    return path
 
 
 def over(picture: np.ndarray, behind: np.ndarray) -> np.ndarray:

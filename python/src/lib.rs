@@ -64,6 +64,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(device::devices, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::compare, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::read_picture, module)?)?;
+    module.add_function(wrap_pyfunction!(pictures::check_picture_path, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::encode_png, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::write_pictures, module)?)?;
     Ok(())

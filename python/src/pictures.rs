@@ -73,6 +73,12 @@ pub(crate) fn encode_png<'py>(py: Python<'py>, picture: PyReadonlyArray3<'py, f3
     Ok(PyBytes::new(py, &encoded?))
 }
 
+/// Refuses a path whose ending is that of no picture.
+#[pyfunction]
+pub(crate) fn check_picture_path(path: PathBuf) -> PyResult<()> {
+    PictureKind::of(&path).map(drop).map_err(exception)
+}
+
 /// Writes linear premultiplied pictures to a file whose ending says its format; several make an animated PNG.
 #[pyfunction]
 pub(crate) fn write_pictures(py: Python<'_>, path: PathBuf, pictures: Vec<PyReadonlyArray3<'_, f32>>) -> PyResult<()> {

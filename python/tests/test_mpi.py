@@ -80,6 +80,28 @@ def test_a_rank_that_fails_ends_all_with_its_message(tmp_path):
     assert ran.returncode == 0 and brick in ran.stderr and (tmp_path / "a.png").exists()
 
 
+def test_a_picture_that_cannot_be_written_or_has_two_views_is_not_drawn(tmp_path):
+    adj.split(adj.build(blob(), visible=(60, None)), tmp_path / "a.adjs", slab=8)
+    camera = '{"position": [0, 90, 0], "target": [0, 0, 0], "up": [0, 0, 1], "fov": 60}'
+    (tmp_path / "cam.json").write_text(camera)
+    (tmp_path / "broken.json").write_text("{")
+    refused = [
+        (["-o", "a.jpg", "--camera", "none.json"], "must end in .png"),
+        (["-o", "no/a.png", "--camera", "none.json"], "no such folder"),
+        (["-o", "a.png", "--camera", "none.json"], "none.json"),
+        (["-o", "a.png", "--camera", "broken.json"], "broken.json is no JSON"),
+        (["-o", "a.png", "--camera", camera, "--azimuth", "0", "--zoom", "2"], "leave out --azimuth and --zoom"),
+    ]
+    for words, part in refused:
+        ran = run(2, "render", "a.adjs", *words, folder=tmp_path)
+        lines = [line for line in ran.stderr.splitlines() if line.startswith("adjsplat.mpi:")]
+        assert ran.returncode == 2 and len(lines) == 1 and part in lines[0], ran.stderr
+    for name, given in (("a.png", camera), ("b.png", "cam.json")):
+        ran = run(2, "render", "a.adjs", "-o", name, "--size", "30x20", "--camera", given, folder=tmp_path)
+        assert ran.returncode == 0, ran.stderr
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
 @pytest.mark.parametrize(
     ("flag", "text", "example"),
     [("--visible", "abc", "300..3000"), ("--visible", "a..", "300.."), ("--levels", "x", "auto")],
