@@ -72,6 +72,19 @@ def byte_count(memory: int | str | None, name: str = "memory") -> int | None:
     return memory
 
 
+def working_memory(memory: int | str | None) -> int | None:
+    """Returns the most bytes that a step may take, which needs 64 MiB whatever its files.
+
+    >>> working_memory(1)
+    Traceback (most recent call last):
+    ValueError: memory is 1, but must be at least 64MiB
+    """
+    found = byte_count(memory)
+    if found is not None and found < 64 << 20:
+        raise ValueError(f"memory is {reprlib.repr(memory)}, but must be at least 64MiB")
+    return found
+
+
 def level_count(levels: int | str | None) -> int | str:
     """Returns a number of coarser levels of detail, or "auto".
 

@@ -13,7 +13,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import _native
-from .arguments import byte_count, function, output_path, path_in_folder, path_text, thread_count, whole
+from .arguments import (
+    byte_count,
+    function,
+    output_path,
+    path_in_folder,
+    path_text,
+    thread_count,
+    whole,
+    working_memory,
+)
 from .arrays import Slices, is_array
 from .build import BuildWarning, Packing, Place, chosen_transfer, placed_volume
 from .data_array import in_order, is_of_xarray
@@ -122,7 +131,7 @@ class Collection:
         is faster, but damage may pass into the file.
         """
         path = output_path(out, self._native.files)
-        limits = byte_count(memory), thread_count(threads)
+        limits = working_memory(memory), thread_count(threads)
         checks = bool(verify), self._partial
         model, faults = self._native.join(path, checks, *limits, function("progress", progress))
         for fault in faults:
@@ -256,7 +265,7 @@ def split(
     model = f if isinstance(f, Model) else open(f)
     sizes = brick_sizes(slab, brick, partition)
     path, step = path_in_folder(out), preview_step(preview)
-    limits = (byte_count(memory), thread_count(threads))
+    limits = (working_memory(memory), thread_count(threads))
     _refuse_existing(path)
     if verify:
         model.verify()

@@ -17,7 +17,7 @@ import numpy as np
 
 from . import _native
 from ._optional import needed
-from .arguments import byte_count, output_path, path_in_folder, path_text, whole_within
+from .arguments import output_path, path_in_folder, path_text, whole_within, working_memory
 from .build import BuildWarning
 from .collection import BrickPlan, BrickRenderer, Collection, as_volume, building_folder, finished, put_together
 from .model import Model
@@ -43,7 +43,8 @@ def build(
     `slab` or `brick` say how large bricks are, as for `split`; each task holds the samples of one brick and its visible
     voxels, so they bound a worker's memory. `options` are those of `BrickPlan`: what is visible, where, and how it is
     stored. The array is read once or twice, and once more if opacity depends on the largest gradient. A file has the bytes
-    that `adjsplat.build` gives of the whole array; joining takes at most `memory` bytes.
+    that `adjsplat.build` gives of the whole array; joining takes at most `memory` bytes. `memory` is for files only, and
+    `preview` for collections only.
 
     With a client of `dask.distributed`, tasks that fail, or whose worker does, run again, at most `retries` times; Dask's
     threads run each task once. The output appears complete or not at all.
@@ -58,7 +59,11 @@ def build(
     path = output_path(out) if is_file else path_in_folder(path_text(out).rstrip("/"))
     if slab is None and brick is None:
         raise ValueError("give slab, the slices of a brick along z, or brick, its points (z, y, x)")
-    limit, retries = byte_count(memory), whole_within("retries", retries, 0, 2**31 - 1)
+    if memory is not None and not is_file:
+        raise ValueError("memory bounds the joining of an .adj file; leave it out for a collection")
+    if options.get("preview") is not None and is_file:
+        raise ValueError("preview is for a collection; leave it out for an .adj file")
+    limit, retries = working_memory(memory), whole_within("retries", retries, 0, 2**31 - 1)
     # Slices of a Dask array are tasks themselves, those of a numpy array travel, and parts of files are read late; slices of
     # other arrays are read where they are needed.
     is_sliced = isinstance(array, (np.ndarray, VolumeFile)) or hasattr(array, "__dask_graph__")

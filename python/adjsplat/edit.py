@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from . import _native
-from .arguments import byte_count, function, level_count, output_path, thread_count
+from .arguments import function, level_count, output_path, thread_count, working_memory
 from .arrays import refuse_masked
 from .build import BuildWarning, Progress
 from .model import Model, with_look
@@ -99,7 +99,7 @@ class Edit:
         # Progress may close the model.
         look = native.transfer
         wanted = level_count(levels)
-        resources = byte_count(memory), thread_count(threads)
+        resources = working_memory(memory), thread_count(threads)
         progress = function("progress", progress)
         if verify:
             self._model.verify()

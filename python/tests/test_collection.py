@@ -164,6 +164,25 @@ def test_a_joined_file_replaces_no_file_of_its_collection(model, tmp_path):
     assert {path: path.read_bytes() for path in kept} == kept
 
 
+def test_memory_and_previews_that_have_no_effect_are_refused(model, tmp_path):
+    bricks = adj.split(model, tmp_path / "a.adjs", slab=8)
+    for use in (
+        lambda memory: bricks.join(tmp_path / "a.adj", memory=memory),
+        lambda memory: adj.split(model, tmp_path / "b.adjs", slab=8, memory=memory),
+        lambda memory: model.edit().save(tmp_path / "a.adj", memory=memory),
+        lambda memory: adj.dask.build(blob(), tmp_path / "a.adj", slab=8, visible=(60, None), memory=memory),
+    ):
+        for memory in (1, "63MiB"):
+            with pytest.raises(ValueError, match=f"memory is '?{memory}'?, but must be at least 64MiB"):
+                use(memory)
+    options = {"slab": 8, "visible": (60, None)}
+    with pytest.raises(ValueError, match="memory bounds the joining of an .adj file"):
+        adj.dask.build(blob(), tmp_path / "b.adjs", memory="1GiB", **options)
+    with pytest.raises(ValueError, match="preview is for a collection"):
+        adj.dask.build(blob(), tmp_path / "a.adj", preview=2, **options)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.adjs"]
+
+
 def test_a_plan_refuses_samples_of_another_place(tmp_path):
     array = blob()
     plan = adj.BrickPlan(array, visible=(60, None), slab=5)
