@@ -256,6 +256,7 @@ def split(
     keep the levels of detail whose blocks no border divides: with borders at multiples of 8 points, three or more. If these
     are all that the file has, `Collection.join` makes the same file of it again, byte for byte.
 
+    Bricks keep the transfer function that the model was built with: raises `ValueError` for a model of `with_transfer`.
     Raises `FormatError` if the model is damaged. `verify=False` does not check it: it is faster, but damage may pass into
     the bricks.
 

@@ -325,6 +325,11 @@ pub(crate) fn split(
 ) -> PyResult<()> {
     let threads = threads_or_all(threads)?;
     let arena = model.arena()?;
+    if stored_transfer(&arena).as_ref() != Some(model.0.transfer()) {
+        let why = "is not the one that the model was built with, which bricks keep; split the model without with_transfer, \
+                   and draw the bricks with Collection.render(transfer=...)";
+        return Err(exception(Error::input("transfer function", why)));
+    }
     let raised = crate::watch::Raised::default();
     let mut watch = Watch::new(None, raised.clone());
     let done = py.detach(|| {

@@ -183,6 +183,16 @@ def test_memory_and_previews_that_have_no_effect_are_refused(model, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["a.adjs"]
 
 
+def test_a_split_does_not_drop_a_transfer_function(model, tmp_path):
+    other = model.with_transfer(adj.TransferFunction.range(100))
+    with pytest.raises(ValueError, match="not the one that the model was built with.*without with_transfer"):
+        adj.split(other, tmp_path / "a.adjs", slab=8)
+    assert list(tmp_path.iterdir()) == []
+    bricks = adj.split(other.with_transfer(model.transfer), tmp_path / "a.adjs", slab=20)
+    view = {"size": (30, 20), "quality": "reference"}
+    assert np.abs(bricks.render(transfer=other.transfer, **view) - adj.render(other, **view)).max() < 1e-5
+
+
 def test_a_plan_refuses_samples_of_another_place(tmp_path):
     array = blob()
     plan = adj.BrickPlan(array, visible=(60, None), slab=5)
