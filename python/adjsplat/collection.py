@@ -265,13 +265,21 @@ def split(
     """
     model = f if isinstance(f, Model) else open(f)
     sizes = brick_sizes(slab, brick, partition)
-    path, step = path_in_folder(out), preview_step(preview)
+    path, step = collection_path(out), preview_step(preview)
     limits = (working_memory(memory), thread_count(threads))
     _refuse_existing(path)
     if verify:
         model.verify()
     _native.split(model._open, path, sizes, step, *limits)
     return Collection(out)
+
+
+def collection_path(out: str | os.PathLike[str]) -> str:
+    """Returns the absolute path of the collection to write, if its folder is there and its name is not that of a file."""
+    path = path_in_folder(out)
+    if path.endswith(".adj"):
+        raise ValueError(f"{path} ends in .adj, but a collection is a folder; end it in .adjs")
+    return path
 
 
 def preview_step(preview: int | None) -> int | None:

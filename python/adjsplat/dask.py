@@ -17,9 +17,18 @@ import numpy as np
 
 from . import _native
 from ._optional import needed
-from .arguments import output_path, path_in_folder, path_text, whole_within, working_memory
+from .arguments import output_path, path_text, whole_within, working_memory
 from .build import BuildWarning
-from .collection import BrickPlan, BrickRenderer, Collection, as_volume, building_folder, finished, put_together
+from .collection import (
+    BrickPlan,
+    BrickRenderer,
+    Collection,
+    as_volume,
+    building_folder,
+    collection_path,
+    finished,
+    put_together,
+)
 from .model import Model
 from .render import Look
 from .volume_file import VolumeFile
@@ -56,7 +65,7 @@ def build(
     dask = needed("dask", "adjsplat.dask")
     array = as_volume(array)
     is_file = not path_text(out).rstrip("/").endswith(".adjs")
-    path = output_path(out) if is_file else path_in_folder(path_text(out).rstrip("/"))
+    path = output_path(out) if is_file else collection_path(out)
     if slab is None and brick is None:
         raise ValueError("give slab, the slices of a brick along z, or brick, its points (z, y, x)")
     if memory is not None and not is_file:

@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 
 from ._optional import needed
-from .arguments import path_in_folder, path_text
 from .build import BuildWarning
 from .collection import (
     BrickPlan,
@@ -30,6 +29,7 @@ from .collection import (
     Collection,
     as_volume,
     building_folder,
+    collection_path,
     finished,
     over,
     put_together,
@@ -59,7 +59,7 @@ def build(
     RuntimeError. A run that is killed, as by Ctrl-C of mpirun, leaves a folder `.NAME.adjs.XXXX.building`.
     """
     comm = _world() if comm is None else comm
-    path = _together(comm, lambda: path_in_folder(path_text(out).rstrip("/")))
+    path = _together(comm, collection_path, out)
     array = _together(comm, as_volume, array)
 
     def planned() -> tuple[str, str]:

@@ -193,6 +193,12 @@ def test_a_split_does_not_drop_a_transfer_function(model, tmp_path):
     assert np.abs(bricks.render(transfer=other.transfer, **view) - adj.render(other, **view)).max() < 1e-5
 
 
+def test_a_collection_does_not_get_the_name_of_a_file(model, tmp_path):
+    with pytest.raises(ValueError, match="ends in .adj, but a collection is a folder; end it in .adjs"):
+        adj.split(model, tmp_path / "a.adj", slab=8)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_plan_refuses_samples_of_another_place(tmp_path):
     array = blob()
     plan = adj.BrickPlan(array, visible=(60, None), slab=5)

@@ -102,6 +102,12 @@ def test_a_picture_that_cannot_be_written_or_has_two_views_is_not_drawn(tmp_path
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
+def test_ranks_build_no_collection_with_the_name_of_a_file(tmp_path):
+    np.save(tmp_path / "a.npy", blob())
+    ran = run(2, "build", "a.npy", "-o", "a.adj", "--visible", "60..", "--slab", "5", folder=tmp_path)
+    assert ran.returncode == 2 and "end it in .adjs" in ran.stderr and len(list(tmp_path.iterdir())) == 1
+
+
 @pytest.mark.parametrize(
     ("flag", "text", "example"),
     [("--visible", "abc", "300..3000"), ("--visible", "a..", "300.."), ("--levels", "x", "auto")],

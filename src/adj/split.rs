@@ -12,7 +12,7 @@ use super::resources::ResourceArguments;
 use super::values::{Word, choice, number};
 use super::{Answer, print_note, print_result};
 use adjsplat::collection::{Partition, split};
-use adjsplat::error::Result;
+use adjsplat::error::{Error, Result};
 
 /// Split an .adj file into a collection: a folder of bricks, each an .adj file of its own
 ///
@@ -100,6 +100,9 @@ fn brick(text: &str) -> Result<[u32; 3], String> {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
+    if arguments.output.extension().is_some_and(|ending| ending == "adj") {
+        return Err(Error::input("--output", "ends in .adj, but a collection is a folder; end it in .adjs"));
+    }
     let file = open_adj(&arguments.input)?;
     let arena = file.arena()?;
     if !arguments.no_verify {

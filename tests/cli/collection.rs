@@ -37,6 +37,7 @@ fn a_split_file_joins_to_its_bytes_and_every_command_takes_it() {
     folder.adj("join three.adjs -o c.adj").done();
     assert!(bytes(&folder, "a.adj") == bytes(&folder, "c.adj"));
     folder.adj("split a.adj -o d.adjs --brick 9x9x9 --partition xyz").refused(&["--brick", "--partition"]);
+    folder.adj("split a.adj -o d.adj --slab 5").refused(&["--output", "ends in .adj", "end it in .adjs"]);
     assert!(folder.adj("verify a.adjs a.adj").done().contains("a.adjs: sound (8 bricks"));
     let [one, other] = ["info a.adj --json", "info a.adjs --json"].map(|line| folder.adj(line).json());
     for name in ["dims", "spacing", "origin", "direction", "visible_voxels", "visible_share", "channels", "description"]
