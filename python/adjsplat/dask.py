@@ -135,6 +135,11 @@ def _computed(dask: Any, tasks: list[Any], retries: int) -> list[Any]:
         client = get_client()
     except (ImportError, ValueError):
         return list(dask.compute(*tasks))
+    if client.asynchronous:
+        raise TypeError(
+            "the Dask client is asynchronous, but this call waits for its tasks: make the client without "
+            "asynchronous=True, or make this call in a thread, as by asyncio.to_thread"
+        )
     futures = client.compute(tasks, retries=retries)
     try:
         return list(client.gather(futures))

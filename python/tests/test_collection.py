@@ -199,6 +199,23 @@ def test_a_collection_does_not_get_the_name_of_a_file(model, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_asynchronous_client_is_refused_with_what_to_do_and_that_works(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    import asyncio
+
+    async def built():
+        async with distributed.Client(
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, asynchronous=True
+        ):
+            build = lambda: adj.dask.build(blob(), tmp_path / "a.adjs", slab=8, visible=(60, None))
+            with pytest.raises(TypeError, match="the Dask client is asynchronous"):
+                build()
+            assert list(tmp_path.iterdir()) == []
+            return await asyncio.to_thread(build)
+
+    assert asyncio.run(built()).count == adj.build(blob(), visible=(60, None)).count
+
+
 def test_a_plan_refuses_samples_of_another_place(tmp_path):
     array = blob()
     plan = adj.BrickPlan(array, visible=(60, None), slab=5)
