@@ -38,6 +38,9 @@ from .pictures import picture_path, save
 from .render import Look
 from .volume_file import VolumeFile
 
+#: Most numbers of a message: MPI counts its bytes with 31 bits.
+MOST_NUMBERS = 1 << 28
+
 #: Arguments of a view that `--camera` replaces.
 ORBIT = ("azimuth", "elevation", "zoom", "perspective")
 
@@ -134,24 +137,41 @@ def composited(comm: Any, picture: np.ndarray, mode: str) -> np.ndarray | None:
             middle = (first + last) // 2
             kept, given = ((first, middle), (middle, last))[:: -1 if comm.rank > partner else 1]
             received = np.empty((kept[1] - kept[0], *picture.shape[1:]), np.float32)
-            sent = np.ascontiguousarray(picture[given[0] : given[1]])
-            comm.Sendrecv(sent, partner, recvbuf=received, source=partner)
+            _transfer(comm, [(partner, received)], [(partner, picture[given[0] : given[1]])])
             own = picture[kept[0] : kept[1]]
             pair = [own, received] if comm.rank < partner else [received, own]
             picture[kept[0] : kept[1]] = over(pair[0], pair[1], mode)
             first, last = kept
-        part = picture[first:last]
     else:
         ends = [rows * rank // comm.size for rank in range(comm.size + 1)]
-        first = ends[comm.rank]
-        parts = comm.alltoall([picture[start:end] for start, end in zip(ends, ends[1:])])
+        first, last = ends[comm.rank : comm.rank + 2]
+        parts = [np.empty((last - first, *picture.shape[1:]), np.float32) for _ in range(comm.size)]
+        _transfer(
+            comm, list(enumerate(parts)), [(rank, picture[ends[rank] : ends[rank + 1]]) for rank in range(comm.size)]
+        )
         part = parts[0]
         for farther in parts[1:]:
             part = over(part, farther, mode)
-    gathered = comm.gather((first, part), root=0)
-    if gathered is None:
+        picture[first:last] = part
+    spans = comm.allgather((first, last))
+    if comm.rank != 0:
+        _transfer(comm, [], [(0, picture[first:last])])
         return None
-    return np.concatenate([rows for _, rows in sorted(gathered, key=lambda pair: pair[0])])
+    _transfer(comm, [(rank, picture[slice(*spans[rank])]) for rank in range(1, comm.size)], [])
+    return picture
+
+
+def _transfer(comm: Any, received: list[tuple[int, np.ndarray]], sent: list[tuple[int, np.ndarray]]) -> None:
+    """Receives rows of pictures from ranks, and sends rows to ranks, in messages of at most `MOST_NUMBERS`."""
+
+    def pieces(rows: np.ndarray) -> list[np.ndarray]:
+        flat = rows.reshape(-1)
+        return [flat[at : at + MOST_NUMBERS] for at in range(0, flat.size, MOST_NUMBERS)]
+
+    requests = [comm.Irecv(piece, source=rank) for rank, rows in received for piece in pieces(rows)]
+    requests += [comm.Isend(piece, dest=rank) for rank, rows in sent for piece in pieces(rows)]
+    for request in requests:
+        request.Wait()
 
 
 def _world() -> Any:

@@ -108,6 +108,29 @@ def test_ranks_build_no_collection_with_the_name_of_a_file(tmp_path):
     assert ran.returncode == 2 and "end it in .adjs" in ran.stderr and len(list(tmp_path.iterdir())) == 1
 
 
+IN_PIECES = """
+import numpy as np
+import adjsplat.mpi
+from mpi4py import MPI
+
+adjsplat.mpi.MOST_NUMBERS = 7
+comm = MPI.COMM_WORLD
+pictures = np.random.default_rng(1).random((comm.size, 11, 5, 4), np.float32)
+found = adjsplat.mpi.composited(comm, pictures[comm.rank].copy(), "composite")
+if comm.rank == 0:
+    assert np.allclose(found, adjsplat.composite(pictures), atol=1e-6)
+else:
+    assert found is None
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 3, 4])
+def test_pictures_beyond_the_largest_message_are_put_together_in_pieces(ranks, tmp_path):
+    command = ["mpirun", "--oversubscribe", "-n", str(ranks), sys.executable, "-c", IN_PIECES]
+    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=os.environ | ALLOWED, timeout=60)
+    assert ran.returncode == 0, ran.stderr
+
+
 @pytest.mark.parametrize(
     ("flag", "text", "example"),
     [("--visible", "abc", "300..3000"), ("--visible", "a..", "300.."), ("--levels", "x", "auto")],
