@@ -14,10 +14,22 @@ WIDENED = {"b1": "u1", "f2": "f4"}
 #: Numbers of 64 bits are taken if they fit these 32.
 NARROWED = {"i8": "i4", "u8": "u4"}
 
+#: Packages whose images have no shape and slices, and how to get these.
+IMAGES = {
+    "pyvista": "image.point_data[name].reshape(image.dimensions[::-1]), and spacing and origin",
+    "SimpleITK": 'SimpleITK.GetArrayFromImage(image), and spacing, origin, direction and frame="LPS"',
+}
+
 
 def is_array(volume: Any) -> bool:
     """Returns whether `volume` has slices of numbers: numpy, zarr, dask, xarray, h5py arrays."""
     return hasattr(volume, "shape") and hasattr(volume, "dtype") and hasattr(volume, "__getitem__")
+
+
+def no_volume(kinds: str, volume: Any) -> TypeError:
+    """Returns the error for what is none of `kinds` of volumes, with advice for images of other packages."""
+    advice = IMAGES.get(type(volume).__module__.partition(".")[0])
+    return TypeError(f"a volume is {kinds}, not {type(volume).__name__}{'' if advice is None else f'; give {advice}'}")
 
 
 def refuse_masked(name: str, array: Any) -> None:

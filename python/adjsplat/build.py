@@ -24,7 +24,7 @@ from .arguments import (
     whole,
     whole_within,
 )
-from .arrays import Slices, is_array
+from .arrays import Slices, is_array, no_volume
 from .convert import TURNED
 from .data_array import is_of_xarray, placed
 from .model import Model
@@ -121,7 +121,7 @@ def build(
     spacing: Sequence[float] | None = None,
     origin: Sequence[float] | None = None,
     direction: Any = None,
-    frame: str = "RAS",
+    frame: str | None = None,
     unit: str | None = None,
     lanes: str = "xyz",
     value_bits: int | None = None,
@@ -159,7 +159,7 @@ def build(
 
     The volume's place, in place of what its file says: `spacing`, `origin` (x, y, z) and `direction` (nine numbers, row
     after row, whose columns are the axes) as in SimpleITK. `frame` says in which world `origin` and `direction` are: "RAS"
-    (NIfTI) or "LPS" (SimpleITK, DICOM). Without `direction`, the axes of an array or raw file are that world's.
+    (NIfTI, the default) or "LPS" (SimpleITK, DICOM). Without `direction`, the axes of an array or raw file are that world's.
 
     What is stored: `lanes` ("x", "xy", "xyz"), `value_bits` (8 or 16) and `normal_bits` (0, 8 or 16); `levels`, a number of
     coarser levels of detail besides, or "auto".
@@ -190,8 +190,10 @@ def build(
         raise ValueError("visible, transfer and labels each say what is visible; give one of them")
     chosen = chosen_transfer(visible, transfer, labels)
     if type(volume).__module__.partition(".")[0] == "SimpleITK":
-        if any(part is not None for part in (spacing, origin, direction)):
-            raise ValueError("a SimpleITK image brings its own spacing, origin and direction")
+        if any(part is not None for part in (spacing, origin, direction, frame)):
+            raise ValueError("a SimpleITK image brings its own spacing, origin, direction and frame")
+        if volume.GetDimension() != 3:
+            raise ValueError(f"the image has {volume.GetDimension()} dimensions, but a volume has 3: x, y, z")
         spacing, origin, direction, frame = volume.GetSpacing(), volume.GetOrigin(), volume.GetDirection(), "LPS"
         from SimpleITK import GetArrayViewFromImage
 
@@ -234,7 +236,7 @@ def build(
 
 
 def placed_volume(
-    volume: Any, spacing: Any, origin: Any, direction: Any, frame: str, unit: str | None, *, is_raw: bool
+    volume: Any, spacing: Any, origin: Any, direction: Any, frame: str | None, unit: str | None, *, is_raw: bool
 ) -> tuple[Any, Place]:
     """Returns a volume and its place; an xarray DataArray has its own, and is turned to the order z, y, x."""
     if is_of_xarray(volume):
@@ -245,7 +247,7 @@ def placed_volume(
     if direction is None and (is_raw or is_array(volume)):
         # The axes of an array or raw file are those of the named world; other files have their own.
         direction = np.eye(3)
-    return volume, Place(spacing, origin, direction, frame, unit)
+    return volume, Place(spacing, origin, direction, "RAS" if frame is None else frame, unit)
 
 
 def chosen_transfer(visible: Any, transfer: Any, labels: Any) -> str | None:
@@ -286,7 +288,7 @@ def file_paths(volume: Any) -> list[str]:
     is_list = isinstance(volume, Sequence) and not isinstance(volume, memoryview)
     if is_list and volume and all(isinstance(file, (str, bytes, os.PathLike)) for file in volume):
         return [path_text(file) for file in volume]
-    raise TypeError(f"a volume is an array (z, y, x), a path or a list of paths, not {type(volume).__name__}")
+    raise no_volume("an array (z, y, x), a path or a list of paths", volume)
 
 
 def _numbers(name: str, numbers: Any, count: int) -> np.ndarray | None:

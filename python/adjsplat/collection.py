@@ -23,7 +23,7 @@ from .arguments import (
     whole,
     working_memory,
 )
-from .arrays import Slices, is_array
+from .arrays import Slices, is_array, no_volume
 from .build import BuildWarning, Packing, Place, chosen_transfer, placed_volume
 from .data_array import in_order, is_of_xarray
 from .model import Model, open
@@ -338,7 +338,7 @@ class BrickPlan:
         spacing: Sequence[float] | None = None,
         origin: Sequence[float] | None = None,
         direction: Any = None,
-        frame: str = "RAS",
+        frame: str | None = None,
         unit: str | None = None,
         lanes: str = "xyz",
         value_bits: int | None = None,
@@ -448,9 +448,7 @@ def as_volume(volume: Any) -> Any:
         return volume
     if isinstance(volume, (str, bytes, os.PathLike, list, tuple)):
         return VolumeFile(volume)
-    raise TypeError(
-        f"a volume is an array (z, y, x), a path, a list of paths or a VolumeFile, not {type(volume).__name__}"
-    )
+    raise no_volume("an array (z, y, x), a path, a list of paths or a VolumeFile", volume)
 
 
 def _source(array: Any, place: Place | None = None) -> _native.Source:

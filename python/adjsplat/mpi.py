@@ -179,14 +179,17 @@ def _world() -> Any:
 
 
 def _together(comm: Any, step: Callable[..., Any], *arguments: Any) -> Any:
-    """Does a step on every rank; if it fails on one, all raise what the first of them says.
+    """Does a step on every rank, of which rank 0 warns; if it fails on one, all raise what the first of them says.
 
     A rank with a KeyboardInterrupt or SystemExit tells the others, which would wait for it for ever, and raises it then.
     """
     result, text = None, None
     failure: BaseException | None = None
     try:
-        result = step(*arguments)
+        with warnings.catch_warnings():
+            if comm.rank != 0:
+                warnings.simplefilter("ignore", BuildWarning)
+            result = step(*arguments)
     except Exception as error:
         failure, text = error, str(error) or type(error).__name__
     except BaseException as error:

@@ -198,6 +198,28 @@ def test_files_of_several_formats(volume, tmp_path):
         adj.build(tmp_path / "nothing.nii")
 
 
+def test_an_image_of_simpleitk_that_is_no_volume_or_has_two_frames_is_refused(volume):
+    sitk = pytest.importorskip("SimpleITK")
+    for dimensions in (2, 4):
+        with pytest.raises(ValueError, match=f"the image has {dimensions} dimensions, but a volume has 3"):
+            adj.build(sitk.Image([4] * dimensions, sitk.sitkUInt8), visible=(60, None))
+    for frame in ("RAS", "LPS"):
+        with pytest.raises(ValueError, match="its own spacing, origin, direction and frame"):
+            adj.build(sitk.GetImageFromArray(volume), visible=(60, None), frame=frame)
+    with pytest.raises(TypeError, match="not Image; give SimpleITK.GetArrayFromImage"):
+        adj.dask.build(sitk.GetImageFromArray(volume), "a.adjs", slab=8, visible=(60, None))
+
+
+def test_the_advice_for_an_image_of_pyvista_leads_to_the_model(model):
+    pytest.importorskip("pyvista")
+    image = model.to_pyvista()
+    with pytest.raises(TypeError, match="not ImageData; give image.point_data.name..reshape"):
+        adj.build(image, visible=(60, None))
+    array = image.point_data["values"].reshape(image.dimensions[::-1])
+    built = adj.build(array, visible=(60, None), spacing=image.spacing, origin=image.origin)
+    assert built.count == model.count and np.allclose(built.affine, model.affine)
+
+
 def test_a_real_volume(real_data):
     f = adj.build(real_data / "scivis-engine" / "engine.nii.gz", visible=(60, None))
     assert f.shape == (128, 256, 256) and f.count == 1_216_893

@@ -183,6 +183,12 @@ def test_memory_and_previews_that_have_no_effect_are_refused(model, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["a.adjs"]
 
 
+def test_a_collection_does_not_get_the_name_of_a_file(model, tmp_path):
+    with pytest.raises(ValueError, match="ends in .adj, but a collection is a folder; end it in .adjs"):
+        adj.split(model, tmp_path / "a.adj", slab=8)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_split_does_not_drop_a_transfer_function(model, tmp_path):
     other = model.with_transfer(adj.TransferFunction.range(100))
     with pytest.raises(ValueError, match="not the one that the model was built with.*without with_transfer"):
@@ -193,10 +199,12 @@ def test_a_split_does_not_drop_a_transfer_function(model, tmp_path):
     assert np.abs(bricks.render(transfer=other.transfer, **view) - adj.render(other, **view)).max() < 1e-5
 
 
-def test_a_collection_does_not_get_the_name_of_a_file(model, tmp_path):
-    with pytest.raises(ValueError, match="ends in .adj, but a collection is a folder; end it in .adjs"):
-        adj.split(model, tmp_path / "a.adj", slab=8)
-    assert list(tmp_path.iterdir()) == []
+def test_a_brick_that_is_removed_after_opening_is_named(model, tmp_path):
+    dask = pytest.importorskip("dask")
+    bricks = adj.split(model, tmp_path / "a.adjs", slab=8)
+    os.remove(tmp_path / "a.adjs" / bricks.bricks[1].file)
+    with dask.config.set(scheduler="synchronous"), pytest.raises(ValueError, match=bricks.bricks[1].file):
+        adj.dask.render(bricks, (20, 20))
 
 
 def test_an_asynchronous_client_is_refused_with_what_to_do_and_that_works(tmp_path):

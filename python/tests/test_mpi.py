@@ -108,6 +108,14 @@ def test_ranks_build_no_collection_with_the_name_of_a_file(tmp_path):
     assert ran.returncode == 2 and "end it in .adjs" in ran.stderr and len(list(tmp_path.iterdir())) == 1
 
 
+def test_a_warning_about_the_volume_comes_from_one_rank(tmp_path):
+    zarr = pytest.importorskip("zarr")
+    stored = zarr.create_array(str(tmp_path / "v.zarr"), shape=(20, 24, 28), chunks=(6, 8, 28), dtype="u1")
+    stored[:] = blob()
+    ran = run(3, "build", "v.zarr", "-o", "a.adjs", "--visible", "60..", "--slab", "5", folder=tmp_path)
+    assert ran.returncode == 0 and ran.stderr.count("3 of 12 chunks are absent") == 1, ran.stderr
+
+
 IN_PIECES = """
 import numpy as np
 import adjsplat.mpi
