@@ -11,6 +11,9 @@ use std::thread::Builder;
 
 use crate::error::Result;
 
+/// The most threads that count, so that sums of what threads need stay small.
+pub(crate) const MOST_THREADS: usize = 1 << 16;
+
 /// Calls `work` for each item of `0..count` on `threads` threads, and passes the results in item order to `take`.
 ///
 /// `take` runs on the caller's thread. Each worker creates its own buffer with `scratch` and passes it to every call of
@@ -29,7 +32,8 @@ pub fn in_order<S, T: Send>(
     work: impl Fn(&mut S, usize) -> Result<T> + Sync,
     mut take: impl FnMut(usize, T) -> Result<()>,
 ) -> Result<()> {
-    if threads <= 1 || count <= 1 {
+    let threads = threads.min(count);
+    if threads <= 1 {
         let mut scratch = scratch();
         return (0..count).try_for_each(|item| take(item, work(&mut scratch, item)?));
     }
@@ -38,7 +42,7 @@ pub fn in_order<S, T: Send>(
         let (queue, items) = channel::<(usize, SyncSender<Result<T>>)>();
         let items = Arc::new(Mutex::new(items));
         let mut spawned = 0;
-        for items in std::iter::repeat_n(items, threads.min(count)) {
+        for items in std::iter::repeat_n(items, threads) {
             let worker = Builder::new().spawn_scoped(scope, move || {
                 let mut scratch = scratch();
                 let next = || items.lock().unwrap_or_else(PoisonError::into_inner).recv();

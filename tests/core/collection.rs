@@ -2,10 +2,11 @@
 //!
 //! Cannot catch: codes that a single build chooses badly (tests/core/build).
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use adjsplat::arena::{Arena, LaneRows, Record, Region, Rows as _, TileOrder};
-use adjsplat::build::{BuildOptions, Resources, Unobserved};
+use adjsplat::build::{BuildOptions, Observer, Phase, Resources, Unobserved};
 use adjsplat::classify::{Colour, Point};
 use adjsplat::collection::{Collection, Findings, Manifest, Partition, Plan, split};
 use adjsplat::limits::Limits;
@@ -502,4 +503,41 @@ fn pictures_by_brick_are_near_those_of_the_whole() {
             assert!(found >= *least, "view {index}: {found:.1} dB, not {least}");
         }
     }
+}
+
+/// All bricks were written first.
+#[test]
+fn a_split_into_boxes_of_another_grid_is_refused_before_a_brick_is_written() {
+    struct Unwanted;
+
+    impl Observer for Unwanted {
+        fn progress(&mut self, phase: Phase, _: u64, _: u64) -> ControlFlow<()> {
+            panic!("{phase:?} of a split that is refused")
+        }
+    }
+
+    let model = Build::new(functions().remove(0)).run(&volumes()[0]).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let own = Partition::into_boxes(model.grid().dims, [16; 3]).unwrap();
+    let other = Partition::into_boxes([29, 23, 27], [16; 3]).unwrap();
+    for (partitions, named) in [
+        (vec![other.clone()], "partition: is of [29, 23, 27] points, but the grid has [29, 23, 26]"),
+        (vec![own.clone(), other], "partition: is of [29, 23, 27] points"),
+        (Vec::new(), "split: has 0 partitions"),
+        (vec![own; 4], "split: has 4 partitions"),
+    ] {
+        let path = folder.path().join("a.adjs");
+        let made = split(&model.arena().unwrap(), &partitions, None, &path, None, 1, &mut Unwanted);
+        let line = made.unwrap_err().to_string();
+        assert!(line.starts_with(named) && !path.exists(), "{line}");
+    }
+}
+
+#[test]
+fn a_grid_without_points_or_with_too_many_boxes_is_refused() {
+    let line = Partition::into_boxes([4, 0, 4], [2; 3]).unwrap_err().to_string();
+    assert_eq!(line, "dimension y: is 0, but must be at least 1");
+    // Their number wrapped around to 0.
+    let many = Partition::into_boxes([1 << 31, 1 << 31, 4], [1; 3]);
+    assert!(matches!(many, Err(adjsplat::Error::Limit { need: u64::MAX, .. })));
 }

@@ -3,8 +3,12 @@
 use std::ops::ControlFlow;
 
 use adjsplat::build::{BuildOptions, Observer, Phase, SampleSummary};
-use adjsplat::classify::TransferFunction;
-use adjsplat::{Build, Error, Model, Viewpoint, Volume};
+use adjsplat::classify::{Quantiser, TransferFunction, WholeNumbers};
+use adjsplat::splat::cpu::{Canvas, canvas, memory_need};
+use adjsplat::splat::{Camera, Frame, Settings};
+use adjsplat::traverse::VoxelBox;
+use adjsplat::volume::{Header, PartSource, SampleType, Samples, SlabSource, StatedLabel};
+use adjsplat::{Build, Error, Model, Result, Viewpoint, Volume};
 
 const DIMS: [u64; 3] = [9, 7, 5];
 
@@ -36,7 +40,7 @@ fn normals(volume: &Volume) -> Vec<([u16; 3], [f32; 3])> {
     let mut found = Vec::new();
     model
         .walk(&Viewpoint::parallel([0.0, 0.0, -1.0]).unwrap(), |voxels| {
-            found.extend(voxels.iter().map(|voxel| (voxel.position, voxel.normal.expect("a shaded function"))));
+            found.extend(voxels.iter().map(|voxel| (voxel.position, voxel.normal.expect("values differ everywhere"))));
         })
         .unwrap();
     found
@@ -197,4 +201,133 @@ fn a_file_without_a_transfer_function_is_refused_with_its_name() {
 fn a_view_that_is_no_direction_is_refused() {
     assert!(Viewpoint::parallel([0.0; 3]).is_err());
     assert!(Viewpoint::perspective([f64::NAN, 0.0, 0.0], [1.0, 0.0, 0.0]).is_err());
+}
+
+/// Its normal was [0, 0, 0].
+#[test]
+fn a_voxel_without_a_gradient_has_no_normal() {
+    let build = Build::new(TransferFunction::range(50.0, f64::INFINITY).unwrap());
+    let model = build.run(&Volume::new([5; 3], vec![80u8; 125]).unwrap()).unwrap();
+    model
+        .walk(&Viewpoint::parallel([0.0, 0.0, -1.0]).unwrap(), |voxels| {
+            for voxel in voxels.iter() {
+                // Faces have normals of their own.
+                let is_inside = voxel.position.iter().all(|coordinate| (1..4).contains(coordinate));
+                assert_eq!(voxel.normal.is_none(), is_inside, "{voxel:?}");
+            }
+        })
+        .unwrap();
+}
+
+/// A coarser level was drawn as a transparent frame of any size.
+#[test]
+fn settings_that_level_0_refuses_are_refused_for_coarser_levels() {
+    let volume = Volume::new([32; 3], (0..32 * 32 * 32).map(|index| (index % 251) as u8).collect()).unwrap();
+    let model = Build::new(TransferFunction::range(50.0, f64::INFINITY).unwrap()).with_levels(1).run(&volume).unwrap();
+    let good = Settings::new([8; 2]);
+    let camera = model.camera(&Camera::orbit(10.0, 20.0), &good).unwrap();
+    let reversed = VoxelBox { low: [9; 3], high: [3; 3] };
+    for level in [None, Some(0), Some(1)] {
+        let good = good.clone().with_level(level);
+        assert!(model.render(&camera, &good).is_ok());
+        for wrong in [
+            good.clone().with_crop(reversed),
+            good.clone().with_crop(reversed).with_threads(0),
+            good.clone().with_crop(reversed).with_size([0, 8]),
+            good.clone().with_crop(reversed).with_size([1 << 31; 2]),
+        ] {
+            let error = model.render(&camera, &wrong).unwrap_err();
+            assert!(matches!(error, Error::Input { .. } | Error::Limit { .. }), "{level:?}: {error}");
+        }
+    }
+    let error = canvas(model.grid(), &reversed, &camera, &good).unwrap_err();
+    assert!(error.to_string().starts_with("bounds: "), "{error}");
+}
+
+/// Some divided by 0, others overflowed.
+#[test]
+fn any_number_of_threads_builds_and_draws_the_same() {
+    let (volume, few) = (volume(), Build::new(TransferFunction::range(50.0, f64::INFINITY).unwrap()));
+    let model = few.run(&volume).unwrap();
+    let settings = Settings::new([40; 2]);
+    let camera = model.camera(&Camera::orbit(10.0, 20.0), &settings).unwrap();
+    let picture = model.render(&camera, &settings.clone().with_threads(1)).unwrap();
+    let lattice = Canvas::Lattice { size: [u32::MAX; 2], kept: [u32::MAX; 2], copied: u64::MAX };
+    for threads in [1 << 16, 1 << 63, usize::MAX] {
+        let many = few.clone().with_threads(threads);
+        let built = many.run(&volume).unwrap();
+        assert!(built.arena().unwrap().bytes() == model.arena().unwrap().bytes(), "{threads}");
+        assert!(many.clone().with_levels(1).run(&volume).is_ok(), "{threads}");
+        let settings = settings.clone().with_threads(threads);
+        assert!(model.render(&camera, &settings).unwrap() == picture, "{threads}");
+        let need = |canvas, tiles| memory_need([9, 7, 5], tiles, canvas, true, &settings);
+        assert!(need(Canvas::Picture, 1) >= 1 << 36);
+        assert_eq!((need(lattice, 1), need(Canvas::Picture, u64::MAX)), (u64::MAX, u64::MAX));
+    }
+}
+
+#[test]
+fn numbers_too_large_for_memory_are_no_smaller_numbers() {
+    // It had no pixels.
+    assert!(matches!(Frame::transparent([1 << 31; 2]), Err(Error::OutOfMemory { .. })));
+    let grid = adjsplat::volume::Grid { dims: [u32::MAX; 3], ..volume().grid().clone() };
+    assert_eq!(grid.points(), u64::MAX);
+    let all = WholeNumbers { lowest: i64::MIN, highest: i64::MAX, step: u64::MAX / 2 };
+    assert_eq!(Quantiser::exact(all, 16, 1.0, 0.0), None);
+}
+
+/// A source of `header` whose slices are `slice`, and which has labels.
+struct Given<'a>(&'a Header, Samples, Vec<StatedLabel>);
+
+impl SlabSource for Given<'_> {
+    fn header(&self) -> &Header {
+        self.0
+    }
+
+    fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
+        *slice = self.1.clone();
+        Ok(())
+    }
+
+    fn rewind(&mut self) -> Result<()> {
+        Ok(())
+    }
+
+    fn labels(&self) -> Option<&[StatedLabel]> {
+        Some(&self.2)
+    }
+}
+
+/// They panicked, or gave other samples.
+#[test]
+fn slices_of_another_type_or_length_are_refused_in_one_line() {
+    let volume = volume();
+    let slices = volume.slices();
+    let refused = |result: Result<()>| {
+        let line = result.unwrap_err().to_string();
+        assert!(line.starts_with("slice buffer: must hold 63 samples of i16, but holds "), "{line}");
+    };
+    let contour = TransferFunction::contour(60.0).unwrap();
+    for wrong in [Samples::zeros(SampleType::I16, 62), Samples::zeros(SampleType::U16, 63)] {
+        let given = || Given(slices.header(), wrong.clone(), Vec::new());
+        refused(volume.slices().read_slice(&mut wrong.clone()));
+        refused(PartSource::new(volume.slices(), [0; 3], [9, 7, 2]).unwrap().read_slice(&mut wrong.clone()));
+        refused(Volume::read(&mut given()).map(|_| ()));
+        for transfer in [TransferFunction::range(50.0, f64::INFINITY).unwrap(), contour.clone()] {
+            refused(Build::new(transfer.clone()).run(given()).map(|_| ()));
+            let part = PartSource::new(given(), [1; 3], [3; 3]).unwrap();
+            refused(Build::new(transfer).run(part).map(|_| ()));
+        }
+    }
+    let mut part = PartSource::new(volume.slices(), [1; 3], [3; 3]).unwrap();
+    assert!(part.read_slice(&mut Samples::zeros(SampleType::I16, 63)).is_err());
+}
+
+#[test]
+fn a_part_has_the_labels_of_its_volume() {
+    let volume = volume();
+    let labels = vec![StatedLabel { value: 3, name: "bone".into(), colour: [1, 2, 3] }];
+    let slices = volume.slices();
+    let given = Given(slices.header(), Samples::zeros(SampleType::I16, 63), labels.clone());
+    assert_eq!(PartSource::new(given, [1; 3], [3; 3]).unwrap().labels(), Some(&labels[..]));
 }

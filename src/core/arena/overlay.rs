@@ -18,6 +18,7 @@
 //!
 //! ```
 //! use adjsplat::arena::{LaneSet, Overlay, Record};
+//! use adjsplat::classify::normal;
 //! use adjsplat::{Build, TransferFunction, Volume};
 //!
 //! let volume = Volume::new([32; 3], (0..32 * 32 * 32).map(|i| (i % 251) as u8).collect::<Vec<_>>())?;
@@ -25,7 +26,9 @@
 //! let lanes = LaneSet::new(model.arena()?, None);
 //!
 //! let mut overlay = Overlay::new(&lanes);
-//! overlay.insert([0, 0, 0], Record { value: 7, ..Record::default() })?;
+//! // The code of no normal. A default record's stands for the normal (0, 0, 1).
+//! let unlit = normal::none(model.arena()?.facts().channels.normal_bits);
+//! overlay.insert([0, 0, 0], Record { value: 7, normal: unlit, ..Record::default() })?;
 //! assert_eq!(overlay.facts()?.visible_voxels, model.visible_voxels() + 1);
 //! assert_eq!(overlay.remove([0, 0, 0])?.map(|record| record.value), Some(7));
 //! # Ok::<(), adjsplat::Error>(())

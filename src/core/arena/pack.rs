@@ -18,7 +18,8 @@ use crate::volume::Axis;
 pub struct Record {
     /// Code of the value.
     pub value: u16,
-    /// Code of the normal, octahedral u in the low half; ignored if the arena stores no normals.
+    /// Code of the normal, octahedral u in the low half; ignored if the arena stores no normals. 0 stands for (0, 0, 1), and
+    /// [`normal::none`](crate::classify::normal::none) returns the code of no normal.
     pub normal: u32,
     /// Code of the gradient magnitude; ignored if the arena stores no magnitudes.
     pub magnitude: u8,

@@ -18,7 +18,7 @@ use crate::arena::layout::TILE_EDGE;
 use crate::arena::pack::TileRun;
 use crate::arena::{Region, Rows, TileOrder};
 use crate::error::Result;
-use crate::parallel::in_order;
+use crate::parallel::{MOST_THREADS, in_order};
 use crate::volume::Axis;
 
 /// Builds lanes from a source of rows, one lane after the other.
@@ -56,7 +56,7 @@ impl<'a> Assembler<'a> {
     ///
     /// `memory` is the most bytes of memory that the process may use; `None` for no limit. 0 `threads` count as 1.
     pub(crate) fn new(rows: &'a dyn Rows, tile_order: TileOrder, memory: Option<u64>, threads: usize) -> Assembler<'a> {
-        Assembler { rows, tile_order, memory, threads: threads.max(1), sorters: Mutex::default() }
+        Assembler { rows, tile_order, memory, threads: threads.clamp(1, MOST_THREADS), sorters: Mutex::default() }
     }
 
     /// Builds the lane along `axis`: calls `begin` once with the lane's size, then `take` with its tiles, run by run.

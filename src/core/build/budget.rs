@@ -10,6 +10,7 @@ use super::spill::VoxelWidths;
 use super::sweep::{SweepSchedule, block_rows};
 use crate::arena::layout::Channels;
 use crate::error::{Error, Result};
+use crate::parallel::MOST_THREADS;
 use crate::volume::{Axis, Header};
 
 /// Bytes in use before anything is read: code, tables, stacks, allocator overhead. Measured: 7 to 10 MiB for the
@@ -47,7 +48,7 @@ impl Budget {
     /// [`Error::Limit`] if the memory does not suffice for one slice with its neighbours, or for one tile.
     pub fn new(header: &Header, options: &BuildOptions, resources: &Resources, buffer_bytes: u64) -> Result<Budget> {
         let [width, height, depth] = header.grid.dims.map(u64::from);
-        let threads = resources.threads.max(1);
+        let threads = resources.threads.clamp(1, MOST_THREADS);
         let workers = threads as u64;
         let widths = VoxelWidths::new(header.sample_type, options.channels());
         let slice = header.grid.slice_len() * header.sample_type.bytes() as u64;

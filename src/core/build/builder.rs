@@ -115,7 +115,7 @@ pub fn classify(
 ) -> Result<Classified> {
     options.check()?;
     let header = source.header().clone();
-    header.grid.check()?;
+    header.check()?;
     let budget = Budget::new(&header, options, resources, source.buffer_bytes())?;
     let all = Region::of_grid(header.grid.dims);
     let surveyed = options.needs_survey();

@@ -107,6 +107,7 @@ impl<'a> SliceReader<'a> {
             if self.samples_end < depth {
                 let mut samples = self.spare_samples.pop().map_or_else(|| self.header.new_slice(), Ok)?;
                 self.source.read_slice(&mut samples)?;
+                self.header.check_slice(&samples)?;
                 self.samples_end += 1;
                 if self.gradients == GradientSource::Visibility {
                     self.smooth(&samples, &mut slices.fields)?;

@@ -19,6 +19,9 @@ pub struct Quantiser {
     exact: Option<ExactCodes>,
 }
 
+/// The largest size of whole numbers that are all stored with every digit: 2^53.
+const LARGEST: u64 = 1 << 53;
+
 /// Whole numbers that occur in a volume, before slope and intercept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WholeNumbers {
@@ -34,7 +37,7 @@ impl WholeNumbers {
     /// Returns what one sample makes known; `None` if it is not whole, or too large for all its digits to be stored.
     #[inline]
     pub fn of(sample: f64) -> Option<WholeNumbers> {
-        let is_whole = sample.fract() == 0.0 && sample.abs() <= 9_007_199_254_740_992.0;
+        let is_whole = sample.fract() == 0.0 && sample.abs() <= LARGEST as f64;
         #[expect(clippy::cast_possible_truncation, reason = "saturates, and counts only if it is whole and below 2^53")]
         let number = sample as i64;
         is_whole.then_some(WholeNumbers { lowest: number, highest: number, step: 0 })
@@ -109,11 +112,14 @@ impl Quantiser {
             .map_or_else(|| Quantiser::even(exact.value(0), exact.value_of(last), largest_code), Ok)
     }
 
-    /// Creates a quantiser that restores `samples` bit for bit; `None` if they need more than `bits`, 8 or 16.
+    /// Creates a quantiser that restores `samples` bit for bit; `None` if they need more than `bits`, 8 or 16, or have a size above 2^53.
     ///
     /// `slope` and `intercept` are those of the volume's header; the slope is not 0.
     pub fn exact(samples: WholeNumbers, bits: u8, slope: f64, intercept: f64) -> Option<Quantiser> {
         let WholeNumbers { lowest, highest, step } = samples;
+        if lowest.unsigned_abs().max(highest.unsigned_abs()) > LARGEST {
+            return None;
+        }
         let raw_step = i64::try_from(step.max(1)).ok()?;
         let codes = highest.abs_diff(lowest) / step.max(1);
         let largest_code = u16::try_from(codes).ok().filter(|&code| bits == 16 || code <= 255)?;

@@ -9,6 +9,7 @@ use serde_json::value::RawValue;
 use serde_json::{Value, json};
 
 use super::levels::{Level, allowed, levels_of};
+use super::partition::check_count;
 use super::{Partition, PreviewEntry};
 use crate::arena::check_description;
 use crate::arena::layout::{Channels, Facts, Scales};
@@ -185,9 +186,7 @@ impl Manifest {
         if !(1..=3).contains(&self.lanes) {
             return wrong(format!("has {} lanes, but there are 1 to 3", self.lanes));
         }
-        if !(1..=3).contains(&self.partitions.len()) {
-            return wrong(format!("has {} partitions, but there are 1 to 3", self.partitions.len()));
-        }
+        check_count(name, self.partitions.len())?;
         for (index, brick) in self.partitions.iter().flatten().enumerate() {
             if let Some(file) = brick.file.as_deref().filter(|file| !is_name(file)) {
                 return wrong(format!("brick {index} has a file outside the folder: {file:?}"));

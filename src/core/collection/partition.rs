@@ -12,6 +12,14 @@ use crate::volume::Axis;
 /// Most boxes of a partition.
 const MOST_BOXES: u64 = 1 << 20;
 
+/// Checks that there are one to three partitions of what is named `whole`.
+pub(super) fn check_count(whole: &str, partitions: usize) -> Result<()> {
+    match partitions {
+        1..=3 => Ok(()),
+        count => Err(Error::input(whole, format!("has {count} partitions, but there are 1 to 3"))),
+    }
+}
+
 /// A grid that is cut into boxes by planes across its axes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Partition {
@@ -23,14 +31,17 @@ impl Partition {
     /// Cuts a grid of `dims` points into boxes of at most `size` points along x, y, z; 0 does not cut an axis.
     ///
     /// # Errors
-    /// [`Error::Limit`] if there are more than a million boxes.
+    /// [`Error::Input`] if a dimension is 0; [`Error::Limit`] if there are more than a million boxes.
     pub fn into_boxes(dims: [u32; 3], size: [u32; 3]) -> Result<Partition> {
+        if let Some(axis) = Axis::ALL.into_iter().find(|axis| dims[axis.index()] == 0) {
+            return Err(Error::input(format!("dimension {}", axis.name()), "is 0, but must be at least 1"));
+        }
         let along = |a: usize| {
             let step = if size[a] == 0 { dims[a] } else { size[a] };
-            (0..dims[a]).step_by(step.max(1) as usize).chain([dims[a]]).collect::<Vec<u32>>()
+            (0..dims[a]).step_by(step as usize).chain([dims[a]]).collect::<Vec<u32>>()
         };
-        let counted = (0..3).map(|a| u64::from(dims[a].div_ceil(if size[a] == 0 { dims[a].max(1) } else { size[a] })));
-        let need = counted.product();
+        let counted = (0..3).map(|a| u64::from(dims[a].div_ceil(if size[a] == 0 { dims[a] } else { size[a] })));
+        let need = counted.fold(1, u64::saturating_mul);
         if need > MOST_BOXES {
             return Err(Error::Limit {
                 what: "bricks of a collection (take larger ones)".into(),
@@ -91,6 +102,11 @@ impl Partition {
         Some(coarse)
     }
 
+    /// Returns the number of points of the grid.
+    pub(super) fn dims(&self) -> [u32; 3] {
+        self.cuts.each_ref().map(|cuts| *cuts.last().expect("every axis ends"))
+    }
+
     /// Returns whether no axis but `axis` is cut.
     pub(super) fn cuts_only(&self, axis: Axis) -> bool {
         axis.others().into_iter().all(|other| self.cuts[other.index()].len() == 2)
@@ -119,8 +135,7 @@ impl Partition {
     /// # Errors
     /// [`Error::Input`] if the viewpoint cannot be used.
     pub fn front_to_back(&self, viewpoint: Viewpoint) -> Result<Vec<usize>> {
-        let dims = self.cuts.each_ref().map(|cuts| *cuts.last().expect("every axis ends"));
-        let order = Order::new(viewpoint, dims, Sense::FrontToBack, SplitForm::default())?;
+        let order = Order::new(viewpoint, self.dims(), Sense::FrontToBack, SplitForm::default())?;
         let ranks: [Vec<usize>; 3] = std::array::from_fn(|a| {
             let layers = self.cuts[a].len() - 1;
             match order.along[a] {

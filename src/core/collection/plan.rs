@@ -21,6 +21,7 @@ use super::found::{Found, SampleFindings};
 use super::joined::RowsWithin;
 use super::levels::{Level, held, levels_of, rows_of, with_margin};
 use super::manifest::{Manifest, brick_description};
+use super::partition::check_count;
 use super::preview::{PreviewForm, choice, join_level, join_preview, remove_parts};
 use super::split::BrickPlace;
 use super::{BrickEntry, Collection, Partition, PreviewEntry};
@@ -96,7 +97,7 @@ impl Plan {
         Plan { grid, sample_type, slope, intercept, name, format, options, bricks, preview, found }.checked_plan()
     }
 
-    /// Sets that the collection's preview has every `every`-th grid point along each axis; with 1 it has none.
+    /// Sets that the collection's preview has every `every`-th grid point along each axis; with 0 or 1 it has none.
     ///
     /// By default it has at most 2^24 voxels, and none if the whole has no more.
     pub fn with_preview(self, every: u32) -> Plan {
@@ -106,10 +107,8 @@ impl Plan {
     /// Returns the plan with the number of levels that its bricks hold.
     fn checked_plan(mut self) -> Result<Plan> {
         self.options.check()?;
-        self.grid.check()?;
-        if !(1..=3).contains(&self.bricks.len()) {
-            return Err(Error::input("plan", format!("has {} partitions, but there are 1 to 3", self.bricks.len())));
-        }
+        self.header().check()?;
+        check_count("plan", self.bricks.len())?;
         let levels = held(self.options.levels, &self.outline(), &self.partitions()?)?;
         self.options.levels = levels.into();
         Ok(self)

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::levels::{Level, allowed, levels_of, rows_of};
 use super::manifest::{BrickEntry, Manifest, brick_description, fingerprint};
+use super::partition::check_count;
 use super::preview::{PreviewForm, choice, join_level, join_preview, remove_if_there, remove_parts};
 use super::{Collection, Partition};
 use crate::arena::layout::Facts;
@@ -19,15 +20,15 @@ use crate::volume::Grid;
 /// Bricks hold the parts of the file's coarser levels of detail whose blocks no cut divides; the levels from the first that a cut
 /// divides on are left out.
 ///
-/// Its preview has every `preview`-th grid point along each axis; with 1 it has none. By default it has at most 2^24 voxels,
+/// Its preview has every `preview`-th grid point along each axis; with 0 or 1 it has none. By default it has at most 2^24 voxels,
 /// and none if the whole has no more.
 ///
 /// `memory` bounds the bytes that the process may use; `threads` work. Reads each brick's part of the lane along x. The
 /// folder appears complete or not at all.
 ///
 /// # Errors
-/// [`Error::Input`] if something exists at `path`, if the arena's description is no JSON, or if the partition is of another
-/// grid; [`Error::Io`] if nothing can be written there;
+/// [`Error::Input`] if something exists at `path`, if the arena's description is no JSON, or if there are not one to three
+/// partitions of the arena's grid; [`Error::Io`] if nothing can be written there;
 /// [`Error::Interrupted`] if the observer cancels.
 pub fn split(
     arena: &Arena,
@@ -39,6 +40,11 @@ pub fn split(
     observer: &mut dyn Observer,
 ) -> Result<Collection> {
     let whole = arena.facts();
+    check_count("split", partitions.len())?;
+    if let Some(partition) = partitions.iter().find(|partition| partition.dims() != whole.grid.dims) {
+        let why = format!("is of {:?} points, but the grid has {:?}", partition.dims(), whole.grid.dims);
+        return Err(Error::input("partition", why));
+    }
     let text = std::str::from_utf8(arena.description()).unwrap_or_default();
     let lane_count = u8::try_from(arena.lanes().count()).expect("there are three axes");
     let mut levels = levels_of(whole, arena.level_count());

@@ -15,6 +15,7 @@ use crate::arena::{Arena, CoarserRows, LevelLook, Levels, Rows};
 use crate::build::builder::lanes_of;
 use crate::build::progress::{Observer, Phase};
 use crate::error::{Error, Result};
+use crate::parallel::MOST_THREADS;
 
 /// The description of a level: it has no facts of its own.
 const DESCRIPTION: &str = "{}";
@@ -64,7 +65,8 @@ fn levels<M: Made>(
         let Some((coarser, factors)) = next else { break };
         let observer = &mut LevelObserver { observer, number };
         let first = with_rows(levels.last(), rows, |below| {
-            let rows = CoarserRows::new(below, facts.grid.spacing, factors, &look, output.threads.max(1));
+            let rows =
+                CoarserRows::new(below, facts.grid.spacing, factors, &look, output.threads.clamp(1, MOST_THREADS));
             write(&rows, &coarser, 1, observer)
         })?;
         let voxels = first.arena()?.facts().visible_voxels;
@@ -97,7 +99,9 @@ pub(crate) fn levels_in_files(
 ) -> Result<Vec<AdjFile>> {
     let limit = most_resident(output);
     // No level is made from one that is given.
-    let held = limit.filter(|_| given.is_none()).map_or(0, |limit| limit + output.threads.max(1) as u64 * IN_FLIGHT);
+    let held = limit
+        .filter(|_| given.is_none())
+        .map_or(0, |limit| limit + output.threads.clamp(1, MOST_THREADS) as u64 * IN_FLIGHT);
     let memory = output.memory.map(|memory| memory.saturating_sub(held));
     let write = &mut |rows: &dyn Rows, facts: &Facts, lane_count: u8, observer: &mut dyn Observer| {
         let (facts, levels) = (facts.clone(), Levels::default());

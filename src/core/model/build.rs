@@ -57,7 +57,9 @@ impl Build {
     /// Builds a model in memory.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::Error::Input) if nothing is visible or an option is out of range; errors of reading.
+    /// [`Error::Input`](crate::Error::Input) if nothing is visible or an option is out of range;
+    /// [`Error::Limit`](crate::Error::Limit) if the allowed memory is too small, or the volume too large;
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory); errors of reading.
     pub fn run(&self, volume: impl IntoSlices) -> Result<Model> {
         self.run_observed(volume, &mut Unobserved)
     }

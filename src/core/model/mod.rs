@@ -76,7 +76,8 @@ impl Bytes {
 }
 
 impl Model {
-    /// Memory-maps the `.adj` file at `path`, with default limits. Reads only the header.
+    /// Opens the `.adj` file or the collection at `path`, with default limits. A file is memory-mapped, and only its header is
+    /// read. A collection is read as a whole and joined in memory.
     ///
     /// # Errors
     /// The errors of [`Model::open_with`].
@@ -269,7 +270,7 @@ impl Model {
         self.stored.bytes.arena()
     }
 
-    /// Writes the model as an `.adj` file and returns its bytes.
+    /// Writes the model as an `.adj` file and returns its length in bytes.
     ///
     /// # Errors
     /// The errors of [`write_atomically`].

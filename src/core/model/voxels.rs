@@ -22,7 +22,7 @@ pub struct ModelVoxel {
     pub position: [u16; 3],
     /// Value in the volume's unit, as exact as the stored code of 8 or 16 bits.
     pub value: f64,
-    /// World vector of length 1 opposite to the gradient; `None` if the model stores no normals.
+    /// World vector of length 1 opposite to the gradient; `None` if the voxel has no normal, as all if the model stores none.
     pub normal: Option<[f32; 3]>,
 }
 
@@ -57,20 +57,17 @@ impl<'a> Voxels<'a> {
         self.facts.scales.value(self.lane.value_code(self.batch.record_index(index)).into())
     }
 
-    /// Returns the normal of voxel `index`: a world vector of length 1 opposite to the gradient, or 0 for none; `None` if the
-    /// model stores no normals.
+    /// Returns the normal of voxel `index`: a world vector of length 1 opposite to the gradient; `None` if the voxel has no
+    /// normal, as all if the model stores none.
     ///
     /// # Panics
     /// If `index` is not below [`Voxels::len`].
     pub fn normal(&self, index: usize) -> Option<[f32; 3]> {
         let code = self.lane.normal_code(self.batch.record_index(index));
-        let bits = self.facts.channels.normal_bits;
-        if bits == 0 {
-            return None;
-        }
+        let components = normal::decode(code, self.facts.channels.normal_bits);
         #[expect(clippy::cast_possible_truncation, reason = "components have single precision")]
         let single = |component: f64| component as f32;
-        Some(self.facts.grid.world_normal(normal::decode(code, bits)).map(single))
+        (components != [0.0; 3]).then(|| self.facts.grid.world_normal(components).map(single))
     }
 
     /// Iterates over the voxels in visit order.

@@ -187,9 +187,9 @@ impl Grid {
         u64::from(self.dims[0]) * u64::from(self.dims[1])
     }
 
-    /// Returns the number of samples in the volume; below 2^48, so it never overflows.
+    /// Returns the number of samples in the volume: below 2^48 if [`Grid::check`] accepts the grid, else at most [`u64::MAX`].
     pub fn points(&self) -> u64 {
-        self.slice_len() * u64::from(self.dims[2])
+        self.slice_len().saturating_mul(self.dims[2].into())
     }
 }
 

@@ -48,6 +48,7 @@ impl Volume {
         let slice_bytes = slice.bytes().len();
         for part in samples.bytes_mut().chunks_exact_mut(slice_bytes) {
             source.read_slice(&mut slice)?;
+            header.check_slice(&slice)?;
             part.copy_from_slice(slice.bytes());
         }
         Ok(Volume { header, samples })
@@ -130,6 +131,7 @@ impl SlabSource for VolumeSlices<'_> {
     }
 
     fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
+        self.volume.header.check_slice(slice)?;
         let bytes = slice.bytes_mut();
         let start = self.next * bytes.len();
         let from = self.volume.samples.bytes().get(start..start + bytes.len());

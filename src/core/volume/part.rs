@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Header, Samples, SlabSource};
+use super::{Header, Samples, SlabSource, StatedLabel};
 use crate::error::{Error, Result};
 
 /// Reads the samples in a box of another volume. Slices in front of it are passed over, others are read and cut.
@@ -40,12 +40,14 @@ impl<S: SlabSource> SlabSource for PartSource<S> {
     }
 
     fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
+        self.header.check_slice(slice)?;
         if !self.is_at_box {
             self.source.skip_slices(self.low[2])?;
             self.is_at_box = true;
         }
         let Some(whole) = &mut self.slice else { return self.source.read_slice(slice) };
         self.source.read_slice(whole)?;
+        self.source.header().check_slice(whole)?;
         let bytes = self.header.sample_type.bytes();
         let [width, _, _] = self.source.header().grid.dims.map(|points| points as usize * bytes);
         let [x, y, _] = self.low.map(|coordinate| coordinate as usize);
@@ -72,5 +74,9 @@ impl<S: SlabSource> SlabSource for PartSource<S> {
 
     fn data_files(&self) -> Vec<PathBuf> {
         self.source.data_files()
+    }
+
+    fn labels(&self) -> Option<&[StatedLabel]> {
+        self.source.labels()
     }
 }

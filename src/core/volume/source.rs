@@ -33,6 +33,35 @@ impl Header {
         self.samples(self.grid.slice_len(), || format!("one slice of {}", self.name))
     }
 
+    /// Checks that `slice` has the type and the number of samples of one slice.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it has not.
+    pub fn check_slice(&self, slice: &Samples) -> Result<()> {
+        let (expected, got) = ((self.grid.slice_len(), self.sample_type), (slice.len() as u64, slice.sample_type()));
+        if expected == got {
+            return Ok(());
+        }
+        let [expected, got] = [expected, got].map(|(len, ty)| format!("{len} samples of {}", ty.name()));
+        Err(Error::input("slice buffer", format!("must hold {expected}, but holds {got}")))
+    }
+
+    /// Checks the grid, and that slope and intercept give values.
+    ///
+    /// # Errors
+    /// The errors of [`Grid::check`]; [`Error::Input`] if the slope is 0, subnormal or not finite, or the intercept is not finite.
+    pub fn check(&self) -> Result<()> {
+        self.grid.check()?;
+        if !self.slope.is_normal() {
+            let why = format!("is {:e}, but must be a finite number whose size is at least 2.3e-308", self.slope);
+            return Err(Error::input("slope", why));
+        }
+        if !self.intercept.is_finite() {
+            return Err(Error::input("intercept", format!("is {}, but must be a finite number", self.intercept)));
+        }
+        Ok(())
+    }
+
     /// Allocates a buffer of `len` zeros, or returns an error that says `what` it was for.
     pub(super) fn samples(&self, len: u64, what: impl FnOnce() -> String) -> Result<Samples> {
         let need = len * self.sample_type.bytes() as u64;

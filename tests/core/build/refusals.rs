@@ -169,3 +169,21 @@ fn a_build_stops_wherever_its_observer_says_so() {
         assert_eq!(told.len(), left + 1, "it stops at once");
     }
 }
+
+/// It said that nothing is visible, or that a value range cannot be used.
+#[test]
+fn a_slope_or_an_intercept_that_gives_no_values_is_named() {
+    for (slope, intercept, named) in [
+        (f64::NAN, 0.0, "slope: is NaN, "),
+        (f64::INFINITY, 0.0, "slope: is inf, "),
+        (0.0, 0.0, "slope: is 0e0, "),
+        (1e-320, 0.0, "slope: is 1e-320, "),
+        (1.0, f64::NAN, "intercept: is NaN, "),
+        (1.0, f64::NEG_INFINITY, "intercept: is -inf, "),
+    ] {
+        for shown in [range(0.0, f64::INFINITY), TransferFunction::contour(40.0).expect("sound")] {
+            let line = refused(&rough(SampleType::U8).scaled(slope, intercept), &options(shown));
+            assert!(line.starts_with(named), "{line}");
+        }
+    }
+}

@@ -128,11 +128,7 @@ impl SlabSource for PhantomSource {
         if self.next >= depth {
             return Err(Error::input("slice", format!("{} was asked for, of {depth}; rewind first", self.next)));
         }
-        let expected = u64::from(width) * u64::from(height);
-        if slice.len() as u64 != expected || slice.sample_type() != self.header.sample_type {
-            let why = format!("must hold {expected} samples of {}", self.header.sample_type.name());
-            return Err(Error::input("slice buffer", why));
-        }
+        self.header.check_slice(slice)?;
         self.row.resize(width as usize, 0.0);
         for y in 0..height {
             (self.field)(y, self.next, &mut self.row);
