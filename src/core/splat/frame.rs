@@ -27,7 +27,7 @@ impl Frame {
     /// [`Error::Input`] if a side of `size` is 0; [`Error::OutOfMemory`].
     pub fn transparent(size: [u32; 2]) -> Result<Frame> {
         require_pixels(size)?;
-        let floats = u64::from(size[0]) * u64::from(size[1]) * 4;
+        let floats = (u64::from(size[0]) * u64::from(size[1])).saturating_mul(4);
         Ok(Frame { size, pixels: zeroed(floats)? })
     }
 
@@ -139,7 +139,7 @@ fn integer(share: f64, white: f64) -> u16 {
 
 /// Allocates `count` zeroes for a picture.
 pub(crate) fn zeroed<T: Zeroable>(count: u64) -> Result<Box<[T]>> {
-    let refused = || Error::out_of_memory("the picture", size_of::<T>() as u64 * count);
+    let refused = || Error::out_of_memory("the picture", (size_of::<T>() as u64).saturating_mul(count));
     let count = usize::try_from(count).map_err(|_| refused())?;
     bytemuck::allocation::try_zeroed_slice_box(count).map_err(|()| refused())
 }

@@ -163,8 +163,10 @@ pub fn drawn_levels(scene: &Scene, camera: &Camera, settings: &Settings) -> Resu
 /// level 0. So does standard quality where a crop or a clip plane cuts blocks: it would cut the level elsewhere.
 ///
 /// # Errors
-/// [`Error::Input`] if `settings` ask for a level that the scene does not have; the errors of [`View::new`].
+/// [`Error::Input`] if `settings` ask for a level that the scene does not have; the errors of [`Settings::check`] and [`View::new`].
 pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<Vec<LevelPart>> {
+    settings.check()?;
+    let view = View::new(camera, &scene.facts.grid, settings.size, settings.kernel(), settings.near)?;
     let levels = scene.lanes.detail().levels.len();
     if let Some(level) = settings.level {
         let why = || format!("is {level}, but the file has levels 0 to {levels}");
@@ -183,7 +185,6 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
         return Ok(whole);
     }
     let levels = (1..=levels).take_while(|&level| keeps_crop(scene, level, settings)).count();
-    let view = View::new(camera, &scene.facts.grid, settings.size, settings.kernel(), settings.near)?;
     let edge = |level: usize| {
         let grid = &facts_of(scene, level).grid;
         grid.spacing.into_iter().fold(0.0, f64::max) / view.mean_voxel
@@ -303,7 +304,6 @@ impl LevelPart {
             let is_end = u32::from(crop.high[a]) + 1 >= scene.facts.grid.dims[a];
             of_level.high[a] = if is_end { u16::MAX } else { u16::try_from(last).unwrap_or(u16::MAX) };
         }
-        let is_some = (0..3).all(|a| of_level.low[a] <= of_level.high[a]);
-        is_some.then_some(LevelPart { level, crop: Some(of_level) })
+        of_level.is_ordered().then_some(LevelPart { level, crop: Some(of_level) })
     }
 }

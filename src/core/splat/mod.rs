@@ -182,7 +182,7 @@ pub struct Settings {
     pub(crate) low_pass: f32,
     /// The machine code that draws.
     pub code: Code,
-    /// Asks the processor's renderer to stop; `None` for never.
+    /// Asks the renderer to stop, on the processor or on a graphics device; `None` for never.
     pub stop: Option<StopRequest>,
 }
 
@@ -446,8 +446,7 @@ impl Settings {
         require(self.blending == Blending::Exponential || is_composited, "blending", why)?;
         require(self.threads > 0, "threads", "are 0, but must be at least 1")?;
         self.lighting.map_or(Ok(()), |lighting| lighting.check())?;
-        let is_ordered = self.crop.is_none_or(|crop| (0..3).all(|a| crop.low[a] <= crop.high[a]));
-        require(is_ordered, "crop", "has a low end above its high end")?;
+        require(self.crop.is_none_or(|crop| crop.is_ordered()), "crop", "has a low end above its high end")?;
         self.clip.map_or(Ok(()), |plane| plane.check())
     }
 }

@@ -55,6 +55,11 @@ impl VoxelBox {
         bounds
     }
 
+    /// Returns whether no low end is above its high end.
+    pub(crate) fn is_ordered(&self) -> bool {
+        (0..3).all(|a| self.low[a] <= self.high[a])
+    }
+
     /// Returns whether the boxes share a voxel.
     #[inline(always)]
     pub fn meets(&self, other: &VoxelBox) -> bool {

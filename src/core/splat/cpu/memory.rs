@@ -5,9 +5,10 @@
 use super::SampleGrid;
 use crate::arena::visible::MAX_DEPTH;
 use crate::error::Result;
+use crate::parallel::MOST_THREADS;
 use crate::splat::setup::walk_order;
 use crate::splat::supersample::Supersampling;
-use crate::splat::{Blending, Camera, Settings, View};
+use crate::splat::{Blending, Camera, Settings, View, require};
 use crate::traverse::{Order, VoxelBox};
 use crate::volume::Grid;
 
@@ -66,8 +67,10 @@ pub enum Canvas {
 /// allocates no pixels.
 ///
 /// # Errors
-/// Returns the errors of [`render`](super::render), except those about memory or lanes.
+/// Returns the errors of [`render`](super::render), except those about memory or lanes;
+/// [`Error::Input`](crate::Error::Input) if `bounds` have a low end above their high end.
 pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settings) -> Result<Canvas> {
+    require(bounds.is_ordered(), "bounds", "have a low end above their high end")?;
     let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
     let order = walk_order(&view, grid, settings)?;
     // The depths are not known. The deeper voxels are, the finer is their lattice, until it is no longer worthwhile.
@@ -104,7 +107,7 @@ fn canvas_of_depth(
 /// the camera is one.
 pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, is_perspective: bool, settings: &Settings) -> u64 {
     let size = settings.size.map(u64::from);
-    let threads = settings.threads as u64;
+    let threads = settings.threads.min(MOST_THREADS) as u64;
     let frame = |[columns, rows]: [u64; 2]| PIXEL_BYTES.saturating_mul(columns * rows);
     let bands = |size: [u64; 2]| match settings.blending {
         // One thread, with a sheet as well as the picture, and without rays.
@@ -119,11 +122,14 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, is_perspective: b
         Canvas::Picture => bands(size),
         Canvas::Lattice { size: plane, kept, copied } => {
             let columns = u64::from(plane[0]);
-            let kept = kept.into_iter().map(u64::from).product::<u64>();
+            let kept = LATTICE_PIXEL_BYTES.saturating_mul(kept.into_iter().map(u64::from).product());
             let band_columns = threads * (BAND_COLUMN_BYTES + LISTS_COLUMN_BYTES);
             // Very faint voxels are drawn on the picture.
             let slabs = threads * (SLAB_BYTES + SLAB_POINT_BYTES * longest);
-            (LATTICE_PIXEL_BYTES * kept + PIXEL_BYTES * copied + band_columns * (columns + PADDING[0]) + slabs)
+            let copied = PIXEL_BYTES.saturating_mul(copied);
+            [copied, band_columns * (columns + PADDING[0]), slabs]
+                .into_iter()
+                .fold(kept, u64::saturating_add)
                 .max(bands(size))
         }
         Canvas::Finer(size) => {
@@ -131,14 +137,14 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, is_perspective: b
             bands(size).saturating_add(frame(size)).saturating_add(threads * PIXEL_BYTES * size[0])
         }
     };
-    let walk = THREAD_BYTES + TILE_BYTES.saturating_mul(tiles) + POINT_BYTES * longest;
+    let walk = TILE_BYTES.saturating_mul(tiles).saturating_add(THREAD_BYTES + POINT_BYTES * longest);
     [drawing, TABLE_BYTES, threads.saturating_mul(walk)].into_iter().fold(frame(size), u64::saturating_add)
 }
 
 /// Returns the pixels of a picture's bands (the larger: of rows or of columns). Each band is padded by itself.
 fn band_pixels([columns, rows]: [u64; 2], threads: u64) -> u64 {
-    let by_rows = (columns + PADDING[0]) * (rows + threads * PADDING[1]);
-    let by_columns = (columns + threads * PADDING[0]) * (rows + PADDING[1]);
+    let by_rows = (columns + PADDING[0]).saturating_mul(rows + threads * PADDING[1]);
+    let by_columns = (columns + threads * PADDING[0]).saturating_mul(rows + PADDING[1]);
     by_rows.max(by_columns)
 }
 

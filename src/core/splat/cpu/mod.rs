@@ -166,6 +166,7 @@ fn draw_scene(
                     continue;
                 }
                 let (drawn, strip_work) = draw(setup.view, None)?;
+                settings.check_stop()?;
                 supersampling.reduce(&drawn, &strip, settings.threads, &mut picture);
                 work.add(&strip_work);
             }
@@ -235,6 +236,7 @@ fn warped<B: Blend>(
     let instructions = dispatch::instruction_set(settings.code);
     let task = DrawTask { front, ..DrawTask::new::<B>(setup, table, settings) };
     let (plane, work) = gather::draw::<B>(&task, lattice)?;
+    settings.check_stop()?;
     if settings.mode == Mode::Composite {
         return Ok((warp::warp(lattice, plane, 1.0, instructions, settings.threads)?, work));
     }

@@ -21,7 +21,7 @@ use super::task::{BandStats, DrawTask};
 use super::tile_buffer::TILE_SHIFT;
 use super::{dispatch, plain};
 use crate::error::Result;
-use crate::parallel::on_each;
+use crate::parallel::{MOST_THREADS, on_each};
 use crate::splat::{Code, Frame};
 
 /// Slack added to how far a kernel reaches, as bounds are rounded: in voxels, or in pixels of the plane.
@@ -29,7 +29,7 @@ const SLACK: f64 = 1e-3;
 
 /// Draws all voxels on a lattice, band by band. Transmittances become opacities.
 pub(super) fn draw<B: Blend>(task: &DrawTask, lattice: &Lattice) -> Result<(Frame, BandStats)> {
-    let threads = task.settings.threads;
+    let threads = task.settings.threads.min(MOST_THREADS);
     let shown = lattice.shown(task.front);
     let footprints = Footprints::new(lattice, &task.projector);
     if task.settings.code == Code::Plain {
