@@ -35,6 +35,22 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|c| a[c] * b[c]).sum()
 }
 
+/// It was up to 1.0000002.
+#[test]
+fn a_maximum_of_equal_values_is_at_most_1() {
+    let model = packed(Grid::new([9, 7, 5], [0.5, 2.0, 3.0]).unwrap(), PLAIN, at_least(0.0), |_| {
+        Some(Record { value: 200, ..Record::default() })
+    });
+    for (azimuth, elevation) in [(10.0, 20.0), (35.0, 50.0), (77.0, 5.0), (140.0, -30.0), (0.0, 0.0)] {
+        for (fov, mode) in [(None, Mode::MaximumGrey), (Some(40.0), Mode::MaximumGrey), (None, Mode::Maximum)] {
+            let settings = Settings::new([64; 2]).with_mode(mode);
+            let (frame, _) = model.render(&model.orbit(azimuth, elevation, fov, [64; 2]), &settings);
+            let largest = frame.pixels().iter().copied().fold(0.0, f32::max);
+            assert!(largest > 0.9 && largest <= 1.0, "{azimuth} {elevation} {fov:?} {mode:?}: {largest}");
+        }
+    }
+}
+
 /// It was shown in full up to 0.99 of a voxel around it.
 #[test]
 fn a_bright_voxel_is_half_as_bright_half_a_voxel_away() {

@@ -288,13 +288,14 @@ impl<'a> Table<'a> {
     pub(crate) fn finish(&self, [r, g, b, alpha]: [f32; 4]) -> [f32; 4] {
         // Sums of optical depth, in units of ln 2, may exceed the exponential's range.
         let shown = |sum: f32| absorbed(sum.clamp(0.0, 125.0));
+        // The largest sample so far, and the sums of the last ones: see cpu/scatter/maximum.rs. Sums may round to above 1.
+        let largest = || r.max(g).max(b.max(alpha)).min(1.0);
         match self.mode {
             Mode::Composite => [r, g, b, 1.0 - alpha],
             Mode::Additive => [shown(r), shown(g), shown(b), shown(alpha)],
-            // The largest sample so far, and the sums of the last ones: see cpu/scatter/maximum.rs.
-            Mode::MaximumGrey => [r.max(g).max(b.max(alpha)); 4],
+            Mode::MaximumGrey => [largest(); 4],
             Mode::Maximum => {
-                let largest = r.max(g).max(b.max(alpha));
+                let largest = largest();
                 let [red, green, blue] = self.colour_of(largest);
                 [red * largest, green * largest, blue * largest, largest]
             }

@@ -27,8 +27,8 @@ fn corner(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
 }
 
 fn colour(value: vec4<f32>) -> vec4<f32> {
-    // A maximum is the largest of its finished sample and its sums.
-    let largest = max(max(value.x, value.y), max(value.z, value.w));
+    // A maximum is the largest of its finished sample and its sums, which may round to above 1.
+    let largest = min(max(max(value.x, value.y), max(value.z, value.w)), 1.0);
     var shown = vec4<f32>(largest);
     if uniforms.mode == COMPOSITE {
         shown = vec4<f32>(value.xyz, 1.0 - value.w);
