@@ -164,3 +164,33 @@ fn records_of_another_lane_are_refused() {
     let whole = Model::from_bytes(file.clone()).unwrap();
     refused(&whole.lane(Axis::X).unwrap(), 0, [steps, values, normals, magnitudes, coverages]);
 }
+
+/// The device drew with the line list of the scene before, or with its tables.
+#[test]
+fn a_forgotten_scene_leaves_nothing_to_the_next() {
+    let Some(device) = device() else { return };
+    let settings = Settings::every_pixel([70, 60]);
+    let samples = |count: u32, step: u32| (0..count).map(|i| (i * step % 251) as f32).collect::<Vec<_>>();
+    let function = || transfer(EDGES);
+    let small = Build::new(function()).run(&Volume::new([12, 9, 10], samples(1_080, 7)).unwrap()).unwrap();
+    let large = Model::from_bytes(file()).unwrap();
+    for (first, next) in [(&large, &small), (&small, &large)] {
+        for by_lane in [false, true] {
+            let draw = |resident: Resident, model: &Model| {
+                let camera = model.camera(&Orbit { azimuth: 30.0, ..Orbit::default() }, &settings).unwrap();
+                let mut renderer = resident.renderer(model.scene());
+                let frame = renderer.render(&camera, &settings).unwrap().0;
+                (renderer.into_resident(), frame)
+            };
+            let (mut resident, _) = draw(opened(device), first);
+            if by_lane {
+                Axis::ALL.into_iter().for_each(|axis| resident.forget_lane(0, axis));
+            } else {
+                resident.forget_scene();
+            }
+            let (_, got) = draw(resident, next);
+            let (_, want) = draw(opened(device), next);
+            assert!(got == want, "{by_lane}");
+        }
+    }
+}

@@ -427,9 +427,8 @@ impl<'a> GpuRenderer<'a> {
     /// Forgets everything on the device, since some of it may be wrong after an error.
     fn forget_device(&mut self) {
         self.looks = None;
-        (self.resident.kept_looks, self.resident.resolve) = (None, None);
-        self.resident.lists.clear();
-        self.resident.slabs.clear();
+        self.resident.forget_scene();
+        self.resident.resolve = None;
         self.resident.buffers = FrameBuffers::default();
         if let Some(timer) = &mut self.resident.timer {
             timer.passes.clear();

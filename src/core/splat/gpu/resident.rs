@@ -71,7 +71,7 @@ impl Resident {
     }
 
     /// Returns a renderer of `scene`, which must have the same voxels as the scene before; its transfer function may be
-    /// another one.
+    /// another one. For other voxels, call [`Resident::forget_scene`] first.
     pub fn renderer(self, scene: Scene<'_>) -> GpuRenderer<'_> {
         GpuRenderer { scene, looks: None, resident: self }
     }
@@ -156,9 +156,18 @@ impl Resident {
         self.slabs.iter().any(|slab| slab.is_lane(level, axis) && slab.missing == 0)
     }
 
-    /// Frees the lane of `level` along `axis`, if it is on the device.
+    /// Frees the lane of `level` along `axis`, if it is on the device, with the level's line list and the tables.
     pub fn forget_lane(&mut self, level: usize, axis: Axis) {
         self.slabs.retain(|slab| (slab.level, slab.axis) != (level, axis));
+        self.lists.retain(|(listed, _)| *listed != level);
+        self.kept_looks = None;
+    }
+
+    /// Frees all that belongs to the scene: lanes, line lists and tables. The next scene may then have other voxels.
+    pub fn forget_scene(&mut self) {
+        self.kept_looks = None;
+        self.lists.clear();
+        self.slabs.clear();
     }
 
     /// Reads those tiles of a lane of level 0 back into memory whose voxels may lie in a box that `wants` accepts. The lane's channels
