@@ -531,6 +531,13 @@ fn a_split_into_boxes_of_another_grid_is_refused_before_a_brick_is_written() {
         let line = made.unwrap_err().to_string();
         assert!(line.starts_with(named) && !path.exists(), "{line}");
     }
+    let mut bytes = model.arena().unwrap().bytes().to_vec();
+    let at = bytes.windows(2).position(|pair| pair == b"{\"").unwrap();
+    bytes[at] = b'?';
+    let path = folder.path().join("b.adjs");
+    let own = Partition::into_boxes(model.grid().dims, [16; 3]).unwrap();
+    let line = split(&Arena::new(&bytes).unwrap(), &[own], None, &path, None, 1, &mut Unwanted).unwrap_err();
+    assert!(line.to_string().starts_with("description: is no JSON"), "{line}");
 }
 
 #[test]

@@ -102,8 +102,6 @@ impl Manifest {
         partitions: Vec<Vec<BrickEntry>>,
         preview: Option<PreviewEntry>,
     ) -> Result<Manifest> {
-        let described = RawValue::from_string(description.to_owned())
-            .map_err(|error| Error::input("description", format!("is no JSON ({error}); a manifest cannot hold it")))?;
         let manifest = Manifest {
             adjs: VERSION,
             grid: Grid { unit: None, ..facts.grid.clone() },
@@ -116,7 +114,7 @@ impl Manifest {
             partitions,
             levels,
             preview,
-            description: described,
+            description: described(description)?,
         };
         manifest.check("bricks", &Limits::default())?;
         Ok(manifest)
@@ -269,6 +267,15 @@ fn is_name(file: &str) -> bool {
 fn partition_of(dims: [u32; 3], bricks: &[BrickEntry]) -> Option<Partition> {
     let boxes: Vec<Region> = bricks.iter().map(BrickEntry::region).collect();
     Partition::of_boxes(dims, &boxes)
+}
+
+/// Returns a description as a manifest holds it.
+///
+/// # Errors
+/// [`Error::Input`] if it is no JSON.
+pub(super) fn described(description: &str) -> Result<Box<RawValue>> {
+    RawValue::from_string(description.to_owned())
+        .map_err(|error| Error::input("description", format!("is no JSON ({error}); a manifest cannot hold it")))
 }
 
 /// Returns a description as a JSON object; an empty one if it is none.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::levels::{Level, allowed, levels_of, rows_of};
-use super::manifest::{BrickEntry, Manifest, brick_description, fingerprint};
+use super::manifest::{BrickEntry, Manifest, brick_description, described, fingerprint};
 use super::partition::check_count;
 use super::preview::{PreviewForm, choice, join_level, join_preview, remove_if_there, remove_parts};
 use super::{Collection, Partition};
@@ -46,6 +46,7 @@ pub fn split(
         return Err(Error::input("partition", why));
     }
     let text = std::str::from_utf8(arena.description()).unwrap_or_default();
+    described(text)?;
     let lane_count = u8::try_from(arena.lanes().count()).expect("there are three axes");
     let mut levels = levels_of(whole, arena.level_count());
     levels.truncate(allowed(partitions, &levels));
