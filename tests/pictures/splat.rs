@@ -367,24 +367,6 @@ fn a_requested_stop_ends_drawing() {
     assert!(matches!(marked, Err(adjsplat::Error::Interrupted)));
 }
 
-/// The plane of the slices was still warped to the picture, which takes most of the time of large pictures.
-#[test]
-fn a_stopped_picture_is_not_warped() {
-    let (model, size) = (shell(), [3_000; 2]);
-    let camera = model.orbit(10.0, 20.0, None, size);
-    let settings = Settings::new(size).with_threads(1);
-    let made = StopRequest::default();
-    made.make();
-    let time = |settings: &Settings| {
-        let start = std::time::Instant::now();
-        let is_drawn = cpu::render(&model.scene(), &camera, settings).is_ok();
-        (is_drawn, start.elapsed())
-    };
-    let (is_drawn, whole) = time(&settings);
-    let stopped = (0..3).map(|_| time(&settings.clone().with_stop(made.clone()))).min().unwrap();
-    assert!(is_drawn && !stopped.0 && stopped.1 * 2 < whole, "{stopped:?} {whole:?}");
-}
-
 #[test]
 fn an_opaque_voxel_is_finite_and_hides_what_is_behind() {
     let model =

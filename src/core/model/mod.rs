@@ -270,7 +270,8 @@ impl Model {
         self.stored.bytes.arena()
     }
 
-    /// Writes the model as an `.adj` file and returns its length in bytes.
+    /// Writes the model as an `.adj` file and returns its length in bytes. The file keeps the transfer function that the model was
+    /// built with, not that of [`Model::with_transfer`].
     ///
     /// # Errors
     /// The errors of [`write_atomically`].
