@@ -5,8 +5,9 @@ use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat, Rend
 use adjsplat::splat::{Camera, Frame, Mode, Settings};
 use adjsplat_tests::scenes::{Draw as _, LIT_LAYERS, transfer};
 use wgpu::{
-    Extent3d, Origin3d, TexelCopyBufferInfo, TexelCopyBufferLayout, TexelCopyTextureInfo, Texture, TextureAspect,
-    TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
+    DeviceDescriptor, Extent3d, Instance, InstanceDescriptor, Limits, Origin3d, RequestAdapterOptions,
+    TexelCopyBufferInfo, TexelCopyBufferLayout, TexelCopyTextureInfo, Texture, TextureAspect, TextureDescriptor,
+    TextureDimension, TextureFormat, TextureUsages,
 };
 
 use crate::device::{device, own_device, read};
@@ -118,6 +119,30 @@ fn a_texture_of_several_levels_shows_what_a_frame_shows() {
     assert_eq!((stats.parts, stats.upload_bytes), (3, 0), "{stats:?}");
     let worst = worst(device, queue, &target, &frame);
     assert!(worst <= 1e-6, "{worst}");
+}
+
+/// Both failed with many lines of the device's.
+#[test]
+fn devices_and_textures_that_are_too_small_are_refused_in_one_line() {
+    let Some(opened) = device() else { return };
+    let built = phantom("gyroid", [16, 16, 16], [1.0; 3], transfer(LIT_LAYERS), 8);
+    let instance = Instance::new(InstanceDescriptor::new_without_display_handle_from_env());
+    let required_limits = Limits::downlevel_defaults();
+    let low = pollster::block_on(async {
+        let adapter = instance.request_adapter(&RequestAdapterOptions::default()).await.unwrap();
+        adapter.request_device(&DeviceDescriptor { required_limits, ..Default::default() }).await.unwrap()
+    });
+    let fault = GpuRenderer::new(low.0, low.1, built.scene(), GpuOptions::default()).unwrap_err().to_string();
+    assert!(fault.contains("max_") && fault.contains("limits of WebGPU") && !fault.contains('\n'), "{fault}");
+
+    let (device, queue) = (opened.device.clone(), opened.queue.clone());
+    let mut renderer = GpuRenderer::new(device, queue, built.scene(), GpuOptions::default()).unwrap();
+    let (format, size) = (TextureFormat::Rgba32Float, [SIZE[0], SIZE[1] + 1]);
+    let view = texture(&opened.device, format).create_view(&Default::default());
+    let target = RenderTarget { view: &view, format, background: None };
+    let camera = built.orbit(0.0, 0.0, None, size);
+    let fault = renderer.render_to(&camera, &Settings::every_pixel(size), &target).unwrap_err().to_string();
+    assert!(fault.contains("64x51") && fault.contains("64x50"), "{fault}");
 }
 
 #[test]

@@ -99,15 +99,34 @@ async fn ranked() -> Vec<(AdapterFacts, Adapter)> {
 /// Returns the limits that a device needs for the stages; `None` if the adapter has lower limits.
 fn required_limits(adapter: &Adapter) -> Option<Limits> {
     let have = adapter.limits();
-    let need = Limits {
+    let need = needed_limits(&have);
+    need.check_limits(&have).then_some(need)
+}
+
+/// Checks that a device was opened with the limits that the stages need.
+///
+/// # Errors
+/// [`Error::Device`] that names the first limit that is too low.
+pub(super) fn check_limits(device: &Device) -> Result<()> {
+    let have = device.limits();
+    let mut lower = Ok(());
+    needed_limits(&have).check_limits_with_fail_fn(&have, true, |name, need, have| {
+        let why = format!("was opened with {name} {have}, but {need} are needed; open it with the limits of WebGPU");
+        lower = Err(Error::device(why));
+    });
+    lower
+}
+
+/// Returns the limits that the stages need: those of WebGPU, and what may be lower or higher as `have` says.
+fn needed_limits(have: &Limits) -> Limits {
+    Limits {
         max_storage_buffer_binding_size: have.max_storage_buffer_binding_size.min(MAX_BINDING),
         max_buffer_size: have.max_buffer_size,
         max_texture_dimension_2d: have.max_texture_dimension_2d,
         min_uniform_buffer_offset_alignment: have.min_uniform_buffer_offset_alignment,
         min_storage_buffer_offset_alignment: have.min_storage_buffer_offset_alignment,
         ..Limits::defaults()
-    };
-    need.check_limits(&have).then_some(need)
+    }
 }
 
 /// Opens the best adapter whose name or driver contains `name`, ignoring upper and lower case; `None` stands for

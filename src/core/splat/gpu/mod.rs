@@ -342,7 +342,8 @@ impl<'a> GpuRenderer<'a> {
     /// `settings.size` is the texture's. Splats are not counted and stages not timed.
     ///
     /// # Errors
-    /// Returns the errors of [`GpuRenderer::render`]; [`Error::Input`] if `settings.sampling` is another than [`Sampling::EveryPixel`].
+    /// Returns the errors of [`GpuRenderer::render`]; [`Error::Input`] if `settings.sampling` is another than [`Sampling::EveryPixel`],
+    /// or the texture is smaller than `settings.size`.
     #[cfg(not(target_arch = "wasm32"))]
     pub fn render_to(&mut self, camera: &Camera, settings: &Settings, target: &RenderTarget) -> Result<GpuStats> {
         pollster::block_on(self.render_to_async(camera, settings, target))
@@ -360,6 +361,12 @@ impl<'a> GpuRenderer<'a> {
     ) -> Result<GpuStats> {
         if settings.sampling.is_some_and(|sampling| sampling != Sampling::EveryPixel) {
             return Err(Error::input("sampling", "of a texture is of every pixel; supersample by a larger texture"));
+        }
+        let ([columns, rows], texture) = (settings.size, target.view.texture());
+        if columns > texture.width() || rows > texture.height() {
+            let why =
+                format!("is {columns}x{rows}, but the texture has {}x{} pixels", texture.width(), texture.height());
+            return Err(Error::input("size", why));
         }
         let parts = self.parts(camera, settings)?;
         self.draw(&parts, camera, settings, FrameOutput::Texture(target)).await

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use wgpu::{Device, DeviceType, Queue};
 
+use super::adapter::check_limits;
 use super::budget::in_flight;
 use super::buffers::FrameBuffers;
 use super::context::Context;
@@ -47,8 +48,10 @@ impl Resident {
     /// Prepares a device for renderers; for its features see [`GpuRenderer::new`].
     ///
     /// # Errors
-    /// [`Error::Device`] if the device fails, or cannot blend the format of `options`.
+    /// [`Error::Device`] if the device fails, was opened with lower limits than those of WebGPU, or cannot blend the format of
+    /// `options`.
     pub async fn new(device: Device, queue: Queue, options: GpuOptions) -> Result<Resident> {
+        check_limits(&device)?;
         check_blends(&device, options.compositor)?;
         #[cfg_attr(target_arch = "wasm32", expect(clippy::arc_with_non_send_sync, reason = "a page has one thread"))]
         let context = Arc::new(Context::new(device, queue, in_flight(options.vram)));
