@@ -25,7 +25,8 @@ pub enum Phase {
 
 /// Receives progress reports; can cancel a build.
 pub trait Observer {
-    /// Receives that `done` of `total` slices or records of a phase are processed.
+    /// Receives that `done` of `total` slices or records of a phase are processed. A phase may begin again: a level is made once
+    /// along each axis, for example.
     ///
     /// Return `Break` to cancel the build, which then ends with [`Error::Interrupted`].
     fn progress(&mut self, phase: Phase, done: u64, total: u64) -> ControlFlow<()>;
