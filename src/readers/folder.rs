@@ -31,14 +31,15 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         return Err(Error::input(path.display().to_string(), "is a folder without files"));
     }
     let mut why = "is a folder without TIFF or DICOM files, and no Zarr array; ".to_string();
-    let adj = files.iter().find(|file| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("adj")));
-    match (adj, raw_hint(&files), folders.first()) {
-        (Some(adj), ..) => why += &format!("open an .adj file in it, such as {}", file_name(adj)),
-        (None, Some(hint), _) => why += &format!("its {hint}"),
-        (None, None, None) => why += "open a file in it",
-        (None, None, Some(first)) => {
+    let (built, others): (Vec<_>, Vec<_>) =
+        files.into_iter().partition(|file| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("adj")));
+    match (raw_hint(&others), folders.first(), built.first()) {
+        (Some(hint), ..) => why += &format!("its {hint}"),
+        (None, Some(first), _) => {
             why += &format!("open a file in it, or one of its subfolders, such as {}", file_name(first));
         }
+        (None, None, Some(first)) => why += &format!("open an .adj file in it, such as {}", file_name(first)),
+        (None, None, None) => why += "open a file in it",
     }
     Err(Error::input(path.display().to_string(), why))
 }

@@ -49,6 +49,16 @@ fn a_folder_of_tiff_files_is_built_like_one_file_of_pages() {
 }
 
 #[test]
+fn a_folder_of_adj_files_is_not_taken_for_raw_slices() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.file("built")).expect("new");
+    for name in ["a", "b", "c", "d"] {
+        folder.adj(&format!("build phantom:gyroid --dims 8x8x8 --range 0.. -q -o built/{name}.adj")).done();
+    }
+    folder.build_refused("built --range 1..", &["open an .adj file in it, such as a.adj"]);
+}
+
+#[test]
 fn raw_slices_are_read_from_a_folder_a_list_and_a_pattern() {
     let folder = Folder::new();
     std::fs::create_dir(folder.file("head")).expect("new");
