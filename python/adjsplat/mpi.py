@@ -38,7 +38,7 @@ from .pictures import picture_path, save
 from .render import Look
 from .volume_file import VolumeFile
 
-#: Most numbers of a message: MPI counts its bytes with 31 bits.
+#: The most numbers in a message, 1 GiB: MPI counts bytes with 31 bits.
 MOST_NUMBERS = 1 << 28
 
 #: Arguments of a view that `--camera` replaces.
@@ -123,7 +123,11 @@ def render(
         return composited(comm, _together(comm, drawn), look.mode)
 
     look.setdefault("threads", 1)
-    picture = BrickRenderer(opened, transfer=transfer, each=each).render(*view, **look)
+    # Rank 0 alone looks for what the function needs of all bricks.
+    own = transfer if comm.rank == 0 else None
+    renderer = _together(comm, lambda: BrickRenderer(opened, transfer=own, each=each))
+    renderer._transfer = comm.bcast(renderer._transfer, root=0)
+    picture = renderer.render(*view, **look)
     return picture if comm.rank == 0 else None
 
 
@@ -179,7 +183,7 @@ def _world() -> Any:
 
 
 def _together(comm: Any, step: Callable[..., Any], *arguments: Any) -> Any:
-    """Does a step on every rank, of which rank 0 warns; if it fails on one, all raise what the first of them says.
+    """Does a step on every rank; only rank 0 warns. If the step fails on one, all raise what the first of them says.
 
     A rank with a KeyboardInterrupt or SystemExit tells the others, which would wait for it for ever, and raises it then.
     """
@@ -188,7 +192,7 @@ def _together(comm: Any, step: Callable[..., Any], *arguments: Any) -> Any:
     try:
         with warnings.catch_warnings():
             if comm.rank != 0:
-                warnings.simplefilter("ignore", BuildWarning)
+                warnings.simplefilter("ignore")
             result = step(*arguments)
     except Exception as error:
         failure, text = error, str(error) or type(error).__name__

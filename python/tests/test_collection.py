@@ -197,6 +197,9 @@ def test_a_split_does_not_drop_a_transfer_function(model, tmp_path):
     bricks = adj.split(other.with_transfer(model.transfer), tmp_path / "a.adjs", slab=20)
     view = {"size": (30, 20), "quality": "reference"}
     assert np.abs(bricks.render(transfer=other.transfer, **view) - adj.render(other, **view)).max() < 1e-5
+    # A closed range of 16 bits was taken for another function.
+    wide = adj.build(blob().astype(np.int16) * 7, tmp_path / "wide.adj", visible=(400, 1200))
+    assert adj.split(wide.with_transfer(wide.transfer), tmp_path / "wide.adjs", slab=8).count == wide.count
 
 
 def test_a_brick_that_is_removed_after_opening_is_named(model, tmp_path):

@@ -116,6 +116,28 @@ def test_a_warning_about_the_volume_comes_from_one_rank(tmp_path):
     assert ran.returncode == 0 and ran.stderr.count("3 of 12 chunks are absent") == 1, ran.stderr
 
 
+OPEN_RANGE = """
+import numpy as np
+import adjsplat as adj
+import adjsplat.mpi
+from mpi4py import MPI
+
+picture = adjsplat.mpi.render("a.adjs", size=(40, 30), quality="reference", transfer=adj.TransferFunction.range(10))
+if MPI.COMM_WORLD.rank == 0:
+    np.save("picture.npy", picture)
+"""
+
+
+def test_ranks_draw_an_open_range_as_one_process_does_and_warn_once(tmp_path):
+    bricks = adj.split(adj.build(blob(), tmp_path / "a.adj", visible=(60, None)), tmp_path / "a.adjs", slab=5)
+    command = ["mpirun", "--oversubscribe", "-n", "3", sys.executable, "-c", OPEN_RANGE]
+    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=os.environ | ALLOWED, timeout=60)
+    assert ran.returncode == 0 and ran.stderr.count("are visible, but") == 1, ran.stderr
+    with pytest.warns(UserWarning, match="are visible"):
+        alone = bricks.render((40, 30), quality="reference", transfer=adj.TransferFunction.range(10))
+    assert np.abs(np.load(tmp_path / "picture.npy") - alone).max() < 1e-5
+
+
 IN_PIECES = """
 import numpy as np
 import adjsplat.mpi

@@ -38,7 +38,9 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         (None, Some(first), _) => {
             why += &format!("open a file in it, or one of its subfolders, such as {}", file_name(first));
         }
-        (None, None, Some(first)) => why += &format!("open an .adj file in it, such as {}", file_name(first)),
+        (None, None, Some(first)) => {
+            why += &format!("it has .adj files, which are built already, such as {}", file_name(first))
+        }
         (None, None, None) => why += "open a file in it",
     }
     Err(Error::input(path.display().to_string(), why))

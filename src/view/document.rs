@@ -17,7 +17,7 @@ use crate::pick::{Picked, Ray};
 
 /// An open file.
 pub struct Document {
-    /// Which of the files that were to be opened it is.
+    /// The place of this file in the order in which files were to be opened.
     pub(crate) number: u64,
     /// The name on the tab.
     pub title: String,

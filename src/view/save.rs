@@ -145,10 +145,9 @@ pub async fn save(
     let depth = if form.is_deep { SampleDepth::Sixteen } else { SampleDepth::Eight };
     let kept = kind.kept(depth, form.size.map(u64::from).iter().product(), form.frames);
     if kept > MOST_KEPT {
-        let why = format!(
-            "would take {} GiB of memory; save a smaller turn, or name it .png, which makes numbered files",
-            kept.div_ceil(1 << 30)
-        );
+        let other = if cfg!(target_arch = "wasm32") { "" } else { ", or name it .png, which makes numbered files" };
+        let size = kept.div_ceil(1 << 30);
+        let why = format!("would take {size} GiB of memory; save fewer or smaller pictures{other}");
         return Err(Error::input(path.display().to_string(), why));
     }
     let settings = look.settings(model.grid(), form.size, form.quality)?.with_stop(stop.clone());
@@ -242,7 +241,7 @@ pub fn camera_json(look: &ViewLook) -> Result<String> {
 const LONGEST_WORD: usize = 100_000;
 
 /// Returns the line that makes this picture in a shell. `transfer`: the transfer function, where the file has another one; `is_built`:
-/// whether `file` is a volume that was built with another one, so that the line builds it first.
+/// whether `file` is a volume that was built with another one, so that the line builds picture.adj of it first.
 ///
 /// # Errors
 /// The errors of the camera; [`Error::Input`] for a transfer function that is too long for a shell.
@@ -257,12 +256,8 @@ pub fn command(
 ) -> Result<String> {
     let name = quoted(&file.display().to_string());
     let mut words = match is_built {
-        false => vec!["adj render".into(), name],
-        true => {
-            let built =
-                quoted(&Path::new(file.file_name().unwrap_or_default()).with_extension("adj").display().to_string());
-            vec![format!("adj build {name} -o {built} --levels auto && adj render {built}")]
-        }
+        false => vec![format!("adj render {name}")],
+        true => vec![format!("adj build {name} -o picture.adj --levels auto && adj render picture.adj")],
     };
     let mut flag = |name: &str, value: String| words.push(format!("{name} {}", quoted(&value)));
     flag("-o", "picture.png".into());

@@ -55,7 +55,7 @@ fn a_folder_of_adj_files_is_not_taken_for_raw_slices() {
     for name in ["a", "b", "c", "d"] {
         folder.adj(&format!("build phantom:gyroid --dims 8x8x8 --range 0.. -q -o built/{name}.adj")).done();
     }
-    folder.build_refused("built --range 1..", &["open an .adj file in it, such as a.adj"]);
+    folder.build_refused("built --range 1..", &["has .adj files, which are built already, such as a.adj"]);
 }
 
 #[test]

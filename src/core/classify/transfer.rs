@@ -204,9 +204,9 @@ impl TransferFunction {
         }
     }
 
-    /// Returns whether this is a range function without a [`TransferFunction::value_range`].
+    /// Returns whether this is a range function with an open end, and without a [`TransferFunction::value_range`].
     pub(crate) fn lacks_value_range(&self) -> bool {
-        matches!(self.kind, TransferKind::Range { value_range: None, .. })
+        matches!(self.kind, TransferKind::Range { low, high, value_range: None, .. } if low.is_infinite() || high.is_infinite())
     }
 
     /// Returns the data's lowest and highest value, if this is a range function and they were set by

@@ -32,7 +32,8 @@ pub fn drawable(arena: &Arena, transfer: TransferFunction) -> Result<TransferFun
     drawable_with(arena.facts(), transfer, largest)
 }
 
-/// The same for voxels of these facts. `largest` returns their largest value code; it is asked only if the function needs it.
+/// Returns what [`drawable`] returns, for voxels with these facts. `largest` returns their largest value code; it is asked only if the
+/// function needs it.
 pub(crate) fn drawable_with(
     facts: &Facts,
     transfer: TransferFunction,
@@ -59,7 +60,7 @@ pub fn missing_values(arena: &Arena, transfer: &TransferFunction) -> Result<Opti
     missing_values_of(arena.facts(), arena.description(), transfer)
 }
 
-/// The same for voxels of these facts, whose file has this description.
+/// Returns what [`missing_values`] returns, for voxels with these facts, whose file has this description.
 pub(crate) fn missing_values_of(
     facts: &Facts,
     description: &[u8],

@@ -237,6 +237,10 @@ impl Viewer {
             false
         });
         for (names, written, result) in saved {
+            // What was to be closed after it stays open, so that the user sees why it failed.
+            if result.is_err() && !self.gives_up {
+                self.closing = None;
+            }
             match (result, written) {
                 (Ok(()), _) => self.say(format!("Saved {names}")),
                 (Err(Error::Interrupted), Some(written)) => self.say(written),

@@ -220,7 +220,10 @@ fn unsaved_changes_are_asked_about_before_the_program_is_closed() {
 fn a_picture_that_is_being_saved_is_asked_about_before_the_program_is_closed() {
     let folder = tempfile::tempdir().unwrap();
     let mut driven = two(folder.path());
-    let purpose = picture(&driven, 3600);
+    // Hours of work, which only the request to stop ends.
+    let mut purpose = picture(&driven, 3600);
+    let Purpose::SavePicture(job) = &mut purpose else { unreachable!("a picture") };
+    (job.form.size, job.form.quality) = ([300, 300], Quality::Reference);
     choose(&mut driven, purpose, &folder.path().join("turn.apng"));
     assert!(close_window(&mut driven).contains(&ViewportCommand::CancelClose));
     driven.step();
@@ -229,6 +232,19 @@ fn a_picture_that_is_being_saved_is_asked_about_before_the_program_is_closed() {
     assert!(!close_window(&mut driven).contains(&ViewportCommand::CancelClose));
     wait(&mut driven, |viewer| viewer.savings.is_empty());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "no half-written file");
+}
+
+#[test]
+fn a_picture_that_cannot_be_saved_leaves_the_program_open_with_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driven = two(folder.path());
+    let purpose = picture(&driven, 1);
+    std::fs::create_dir(folder.path().join("picture.png")).unwrap();
+    choose(&mut driven, purpose, &folder.path().join("picture.png"));
+    driven.state_mut().closing = Some(Closing::Program);
+    wait(&mut driven, |viewer| viewer.savings.is_empty());
+    assert!(!driven.state().gives_up && driven.state().closing.is_none());
+    assert!(driven.state().message().unwrap().contains("picture.png"));
 }
 
 #[test]
@@ -310,7 +326,7 @@ fn commands_build_volumes_whose_function_was_changed_and_have_words_that_a_shell
     let skin = TransferFunction::preset("ct-skin").unwrap();
     assert!(command(false, &skin).unwrap().starts_with("adj render 'd/my t.nii' -o picture.png"));
     let built = command(true, &skin).unwrap();
-    let wanted = "adj build 'd/my t.nii' -o 'my t.adj' --levels auto && adj render 'my t.adj' -o picture.png";
+    let wanted = "adj build 'd/my t.nii' -o picture.adj --levels auto && adj render picture.adj -o picture.png";
     assert!(built.starts_with(wanted), "{built}");
     let labels = |label| format!(r##"{{ "label": {label}, "name": "{label}", "colour": "#ffffff", "opacity": 1 }}"##);
     let labels: Vec<String> = (1..3000).map(labels).collect();

@@ -112,7 +112,7 @@ impl Viewer {
         let savings: &[Saving] = if closing == Closing::Program { &self.savings } else { &[] };
         let (mut is_open, mut saves, mut gives_up) = (true, None, unsaved.is_empty() && savings.is_empty());
         // While a file for one is chosen, the question waits.
-        if !gives_up && (!self.dialogs.is_empty() || !self.typed_paths.is_empty()) {
+        if !self.dialogs.is_empty() || !self.typed_paths.is_empty() {
             return;
         }
         if !gives_up {

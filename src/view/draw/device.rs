@@ -140,7 +140,7 @@ impl StandIn {
 }
 
 impl DeviceModel {
-    /// Creates a model on a device, for a model whose voxels are in `remote`, if they are not in memory.
+    /// Creates a device's part of a model. `remote`: its file, if the voxels are not in memory.
     pub fn new(remote: Option<Arc<Remote>>) -> DeviceModel {
         DeviceModel { device: Arc::default(), remote }
     }

@@ -342,8 +342,8 @@ fn between(first: f32, last: f32, low: i32, high: i32) -> vec2<i32> {
 }
 
 // Returns the voxel of a maximum, which lies at its grid point: cpu/scatter/maximum.rs, MaximumRays::pixels. Its pixels
-// are counted from its own. That of a voxel beside or behind the eye may be anywhere or nowhere: its closeness is 0, and
-// its pixels are counted from the picture's centre.
+// are counted from its own. A voxel beside or behind the eye may have none: its closeness is 0, and its pixels are counted
+// from the picture's centre.
 fn value_splat(voxel: VisitedVoxel, xyz: vec3<u32>, share: f32) -> Splat {
     let value = look_of(voxel.record, share).w;
     let offset = vec3<f32>(0.0);

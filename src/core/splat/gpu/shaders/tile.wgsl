@@ -94,7 +94,8 @@ fn sample_weights(shape: vec4<f32>, closeness: f32, dx: f32, dy: f32) -> vec3<f3
     var step = vec2<f32>(frame.sample_rays[1].z, frame.sample_rays[2].z);
     var shares = vec3<f32>(0.5, 1.0, 0.5);
     if frame.is_perspective == 1u {
-        // The ray whose pixel the others are counted from; the voxel's own does not miss it.
+        // The ray of the pixel that the others are counted from, and by how much it misses the voxel: the ray of the voxel's own
+        // pixel does not.
         var base = shape.zxy * closeness;
         var missed = vec2<f32>(0.0);
         if closeness == 0.0 {
