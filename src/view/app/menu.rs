@@ -137,9 +137,10 @@ impl Viewer {
                 if short != title {
                     name(&tab, title.clone());
                 }
-                let path = self.documents[index].place.path().map(|path| path.display().to_string());
+                // A page knows no paths.
+                let path = self.documents[index].place.path().filter(|_| cfg!(not(target_arch = "wasm32")));
                 if path.is_some() || short != title {
-                    tab = tab.on_hover_text(path.unwrap_or(title));
+                    tab = tab.on_hover_text(path.map_or(title, |path| path.display().to_string()));
                 }
                 if tab.clicked() {
                     if self.is_linked {

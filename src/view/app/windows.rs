@@ -109,7 +109,9 @@ impl Viewer {
         let closes = |document: &Document| closing == Closing::Program || closing == Closing::Document(document.number);
         let unsaved = self.documents.iter().filter(|document| closes(document) && document.is_unsaved());
         let unsaved: Vec<(u64, &str)> = unsaved.map(|document| (document.number, &*document.title)).collect();
-        let savings: &[Saving] = if closing == Closing::Program { &self.savings } else { &[] };
+        // A browser closes a page without asking it.
+        let waits = cfg!(not(target_arch = "wasm32")) && closing == Closing::Program;
+        let savings: &[Saving] = if waits { &self.savings } else { &[] };
         let (mut is_open, mut saves, mut gives_up) = (true, None, unsaved.is_empty() && savings.is_empty());
         // While a file for one is chosen, the question waits.
         if !self.dialogs.is_empty() || !self.typed_paths.is_empty() {

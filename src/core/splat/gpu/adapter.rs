@@ -107,6 +107,7 @@ fn required_limits(adapter: &Adapter) -> Option<Limits> {
 ///
 /// # Errors
 /// [`Error::Device`] that names the first limit that is too low.
+#[cfg(not(target_arch = "wasm32"))]
 pub(super) fn check_limits(device: &Device) -> Result<()> {
     let have = device.limits();
     let mut lower = Ok(());
