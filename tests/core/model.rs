@@ -57,6 +57,23 @@ fn normals_are_in_the_world_whatever_the_grids_axes() {
     }
 }
 
+/// Gradients were taken to be at most as steep as without shear: steeper ones had the magnitude of the steepest code, 62 % too little.
+#[test]
+fn magnitudes_of_a_sheared_grid_do_not_end_at_those_of_a_cubic_one() {
+    let (sin, cos) = 75f64.to_radians().sin_cos();
+    let samples: Vec<u8> = (0..512).map(|index| if index / 8 % 8 > index % 8 { 200 } else { 0 }).collect();
+    let volume = Volume::new([8; 3], samples).unwrap();
+    let volume = volume.with_direction([[1.0, 0.0, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]).unwrap();
+    let contour =
+        TransferFunction::from_json(r#"{"kind": "contour", "contours": [{"value": 100, "width": 2, "opacity": 1}]}"#)
+            .unwrap();
+    let model = Build::new(contour).run(&volume).unwrap();
+    // Along both axes samples rise by 100 a voxel, in opposite directions.
+    let steepest = 100.0 * ((1.0 + sin) * 2.0f64).sqrt() / cos;
+    let largest = model.scene().facts.scales.magnitude_scale;
+    assert!(largest >= steepest, "{largest}, not {steepest} or more");
+}
+
 /// A tilted gantry shears the grid of a CT scan.
 #[test]
 fn normals_of_a_sheared_grid_stand_on_surfaces_and_on_faces() {

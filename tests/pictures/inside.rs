@@ -31,6 +31,28 @@ fn constant(opacity: f64) -> TransferFunction {
     ))
 }
 
+/// Qualities differed in how near voxels have no footprint. Between, where voxels are much smaller than pixels along one axis, they were
+/// 36 dB apart.
+#[test]
+fn qualities_draw_the_same_voxels_by_footprints() {
+    let samples: Vec<u8> =
+        (0..24 * 20 * 24).map(|index| if index % 24 % 3 + index / 480 % 3 == 0 { 200 } else { 0 }).collect();
+    let volume = adjsplat::Volume::new([24, 20, 24], samples).unwrap().with_spacing([1.0, 20.0, 1.0]).unwrap();
+    let range = TransferFunction::range(1.0, f64::INFINITY).unwrap();
+    let model = adjsplat::Build::new(range).run(&volume).unwrap();
+    for steps in [8.1, 8.3] {
+        let eye = [11.5, (19.0 + steps) * 20.0, 11.5];
+        let camera =
+            Camera::new(eye, [11.5, 0.0, 11.5], [0.0, 0.0, 1.0], Projection::Perspective { fov: 30.0 }).unwrap();
+        let [high, reference] = [Quality::High, Quality::Reference].map(|quality| {
+            let settings = Settings::new([64; 2]).with_quality(quality).with_mode(Mode::Additive).with_exposure(1.0);
+            model.render(&camera, &settings).unwrap()
+        });
+        let near = decibels(&high, &reference, EMPTY);
+        assert!(near > 55.0, "{steps} steps: {near:.1} dB");
+    }
+}
+
 /// A volume, drawn by the renderer and by the judges.
 struct Subject {
     built: Built,

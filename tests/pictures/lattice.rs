@@ -240,6 +240,30 @@ fn a_volume_of_unlike_spacings_in_perspective_is_sharp_near_by_and_smooth_far_aw
     }
 }
 
+/// All pixels of a tile took the ray of its middle for how deep a voxel is. With the eye near thin slices of long voxels, that ray is
+/// much longer or shorter between slices than those of the corners: pictures were up to 56 % too bright, and had 24.7 and 19.6 dB.
+#[test]
+fn near_thin_slices_of_long_voxels_are_as_bright_as_at_high_quality() {
+    let size = [64, 64];
+    for (dims, spacing, eye, opacity) in [
+        ([16, 8, 16], [4.0, 0.5, 4.0], -4.5, 0.1),
+        ([16, 8, 16], [3.0, 1.0, 3.0], -9.0, 0.1),
+        ([32, 8, 32], [4.0, 0.5, 4.0], -6.0, 0.8),
+    ] {
+        let samples = vec![255u8; dims.iter().product::<u64>() as usize];
+        let one = transfer(&format!(r#"{{"kind": "range", "low": 1, "opacity": {opacity}}}"#));
+        let volume = adjsplat::Volume::new(dims, samples).unwrap().with_spacing(spacing).unwrap();
+        let model = adjsplat::Build::new(one).run(&volume).unwrap();
+        let middle = [0, 1, 2].map(|a| spacing[a] * (dims[a] - 1) as f64 / 2.0);
+        let eye = [middle[0], eye, middle[2]];
+        let camera = Camera::new(eye, middle, [0.0, 0.0, 1.0], Projection::Perspective { fov: 30.0 }).unwrap();
+        let [high, standard, draft] = [Quality::High, Quality::Standard, Quality::Draft]
+            .map(|quality| model.render(&camera, &Settings::new(size).with_quality(quality)).unwrap());
+        let near = [standard, draft].map(|drawn| decibels(&drawn, &high, EMPTY));
+        assert!(near[0] > 44.0 && near[1] > 32.0, "{spacing:?}: {near:.1?} dB");
+    }
+}
+
 /// Where a pixel of the picture was much narrower than one of the plane, weights were alike for eight pixels, and light was a third too
 /// much.
 #[test]

@@ -124,6 +124,45 @@ fn a_maximum_of_labels_has_their_colours() {
     }
 }
 
+/// Where rounding gave a label that the palette does not name, pixels were black: more of them than showed a colour.
+#[test]
+fn a_maximum_between_labels_far_apart_has_the_colour_of_one_of_them() {
+    let labels = transfer(
+        r##"{"kind": "labels", "labels": [{"label": 1, "name": "a", "colour": "#ff0000"},
+            {"label": 101, "name": "b", "colour": "#00ff00"}]}"##,
+    );
+    let samples: Vec<u8> = (0..1_000).map(|index| [0, 1, 101, 0, 0][index % 10 / 2]).collect();
+    let model = adjsplat::Build::new(labels).run(&adjsplat::Volume::new([10; 3], samples).unwrap()).unwrap();
+    let camera = along([0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [4.5; 3], 10.0);
+    let frame = model.render(&camera, &Settings::new([80; 2]).with_mode(Mode::Maximum)).unwrap();
+    let mut shown = [0; 2];
+    for &[red, green, blue, alpha] in frame.pixels().as_chunks::<4>().0.iter().filter(|pixel| pixel[3] > 0.0) {
+        assert!(blue == 0.0 && (red == alpha) != (green == alpha), "{red} {green} {blue} {alpha}");
+        shown[usize::from(green > 0.0)] += 1;
+    }
+    assert!(shown.iter().all(|pixels| *pixels > 100), "{shown:?}");
+}
+
+/// The values of a level's voxels were multiplied by how much of them is visible: a bright voxel in an empty block had an eighth of its
+/// value, and the brightest spot of a volume was gone.
+#[test]
+fn the_brightest_voxel_keeps_its_value_in_a_maximum_of_a_level() {
+    let bright = |index: usize| [4, 4, 4] == [index % 16, index / 16 % 16, index / 256];
+    let samples: Vec<u8> =
+        (0..4_096).map(|index| if bright(index) { 200 } else { u8::from(index % 7 == 0) * 100 }).collect();
+    let volume = adjsplat::Volume::new([16; 3], samples).unwrap();
+    let range = adjsplat::TransferFunction::range(1.0, f64::INFINITY).unwrap();
+    let model = adjsplat::Build::new(range).with_levels(1).run(&volume).unwrap();
+    let camera = along([0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [4.0, 4.0, 7.5], 4.0);
+    for code in [Code::Best, Code::Plain] {
+        let brightest = |level: usize| {
+            let frame = model.render(&camera, &grey([64; 2]).with_code(code).with_level(level)).unwrap();
+            alphas(&frame).fold(0.0, f64::max)
+        };
+        assert!([0, 1].map(brightest).iter().all(|value| *value > 0.9), "{code:?}: {:?}", [0, 1].map(brightest));
+    }
+}
+
 #[test]
 fn views_along_axes_show_the_largest_voxel_of_each_line() {
     let dims = [19u16, 23, 17];

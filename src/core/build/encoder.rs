@@ -8,6 +8,7 @@ use super::summary::{FewValues, SampleSummary};
 use super::visibility::tabulated;
 use crate::arena::layout::{Channels, Scales};
 use crate::arena::visible::NOTICEABLE_OPACITY;
+use crate::classify::gradient::GridAxes;
 use crate::classify::{MagnitudeCodec, Quantiser, TransferFunction};
 use crate::error::{Error, Result};
 use crate::volume::{Header, Sample, SampleType};
@@ -47,7 +48,7 @@ impl VoxelEncoder {
         let grid = &header.grid;
         let uses_gradient = options.transfer.uses_gradient();
         // A difference of two samples is at most their range: this bounds the gradient on all axes.
-        let steepest = grid.spacing.iter().map(|h| 1.0 / (h * h)).sum::<f64>().sqrt();
+        let steepest = GridAxes::of(grid).largest_magnitude(grid.spacing.map(|h| 1.0 / h));
         let bound = if uses_gradient { ((highest - lowest) * steepest).min(f64::MAX) } else { 0.0 };
         let mut transfer = options.transfer.clone().with_voxel_length(grid.mean_spacing())?;
         let cap_magnitude = transfer.cap_magnitude(lowest, highest);

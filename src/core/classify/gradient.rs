@@ -119,6 +119,14 @@ impl GridAxes {
         self.sheared(slopes, scale).map_or(scale, |(_, gradient)| scale * gradient.length())
     }
 
+    /// Returns the greatest length that a gradient can have whose slopes along the axes are at most these.
+    pub fn largest_magnitude(&self, slopes: [f64; 3]) -> f64 {
+        // The length is a convex function of the slopes: it is greatest where all are.
+        let signs = [[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, -1.0]];
+        let magnitudes = signs.map(|signs: [f64; 3]| self.magnitude([0, 1, 2].map(|axis| signs[axis] * slopes[axis])));
+        magnitudes.into_iter().fold(0.0, f64::max)
+    }
+
     /// Returns a vector along the axes that has the direction of the gradient with these slopes.
     #[inline]
     pub fn along(&self, slopes: [f64; 3]) -> [f64; 3] {

@@ -84,14 +84,24 @@ pub(super) fn unnamed(labels: &[Label], others: UnlistedLabels, value: f64) -> O
     label_of(value).filter(|label| is_unnamed(label) && opacity(labels, others, *label as f64) == 0.0)
 }
 
-/// A value between labels, as a maximum interpolates it, has the colour of the nearest label.
+/// A value between labels, as a maximum interpolates it, has the colour of the nearest label: of the nearest one that the palette
+/// names, if others are transparent.
 pub(super) fn colour(labels: &[Label], others: UnlistedLabels, value: f64) -> [f32; 3] {
     let Some(label) = label_of(value.round()) else { return [0.0; 3] };
-    match (find(labels, label), others, u64::try_from(label)) {
-        (Some(entry), _, _) => entry.colour.linear(),
-        (None, UnlistedLabels::Distinct, Ok(index)) if index > 0 => Colour::distinct(index).linear(),
-        _ => [0.0; 3],
+    match (others, u64::try_from(label)) {
+        (UnlistedLabels::Distinct, Ok(index)) if index > 0 && find(labels, label).is_none() => {
+            Colour::distinct(index).linear()
+        }
+        _ => nearest(labels, value).map_or([0.0; 3], |entry| entry.colour.linear()),
     }
+}
+
+/// Returns the entry whose label is nearest to a value, of two the higher; `None` if there are no entries.
+fn nearest(labels: &[Label], value: f64) -> Option<&Label> {
+    let above = labels.partition_point(|entry| (entry.label as f64) < value);
+    let around = labels.get(above.saturating_sub(1)..labels.len().min(above + 1))?;
+    let distance = |entry: &&Label| (entry.label as f64 - value).abs();
+    around.iter().rev().min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
 pub(super) fn domain(labels: &[Label], others: UnlistedLabels) -> (f64, f64) {

@@ -54,9 +54,15 @@ impl Projector<'_> {
     /// Returns the look (colour and optical depth) of a record's voxel, of which only a part may be visible.
     #[inline(always)]
     pub(super) fn look(&self, record: usize) -> Look {
-        let magnitude = if self.table.needs_magnitude() { self.lane.magnitude_code(record) } else { 0 };
-        let [red, green, blue, depth] = self.table.look(self.lane.value_code(record), magnitude);
+        let [red, green, blue, depth] = self.whole_look(record);
         [red, green, blue, depth * self.lane.coverage(record).share]
+    }
+
+    /// Returns the look of a record's voxel, were it wholly visible. Its last number is a maximum's normalised value, if one is drawn.
+    #[inline(always)]
+    pub(super) fn whole_look(&self, record: usize) -> Look {
+        let magnitude = if self.table.needs_magnitude() { self.lane.magnitude_code(record) } else { 0 };
+        self.table.look(self.lane.value_code(record), magnitude)
     }
 
     /// Returns the codes of the kept voxels' normals.

@@ -179,7 +179,7 @@ pub(super) fn draw_largest(task: &DrawTask, rect: Rect) -> Result<BandResult> {
     // The slice of the last voxel that was drawn on each pixel.
     let mut slices = vec![0u16; place(0, rect.y1)];
     let stats = each_voxel(task, |voxel, record| {
-        let [_, _, _, value] = task.projector.look(record);
+        let [_, _, _, value] = task.projector.whole_look(record);
         let nested = task.projector.slow_medium_fast.map(|axis| voxel[axis]);
         let position = nested.map(f64::from);
         let [left, right, top, bottom] = rays.pixels(position);

@@ -9,11 +9,10 @@ use super::low_pass::LowPass;
 use super::resolution::EdgeRays;
 use super::{Lattice, PlaneRays};
 use crate::splat::kernel::LOW_PASS;
+use crate::splat::near::NEAR;
 use crate::splat::view::PixelMap;
 use crate::traverse::Viewpoint;
 
-/// Least distance from the eye to the nearest slice, in voxels: nearer slices are seen under too many angles.
-const NEAREST: f64 = 8.0;
 /// How many times as long a pixel may be one way as the other. In a perspective, which may run along an axis in its middle, 1.5 lost
 /// 1.6 dB (azimuth 90, elevation 0).
 const LONGEST: f64 = 1.25;
@@ -29,6 +28,10 @@ const AT_ENDS: f64 = 0.8;
 /// [`Sampling::Enough`](crate::splat::Sampling::Enough) and [`Sampling::Fewest`](crate::splat::Sampling::Fewest): the warp takes four
 /// pixels on each side. Drafts had 28 dB where it was above 100, and 33 dB at 8.
 const WIDEST: [f64; 2] = [4.0, 8.0];
+/// The most by which a voxel's depth may change from a tile's middle, whose ray all its pixels take, to its corners, for
+/// [`Sampling::Enough`](crate::splat::Sampling::Enough) and [`Sampling::Fewest`](crate::splat::Sampling::Fewest). It changes where
+/// spacings are unlike and the eye is near. Measured: docs/studies/sampling.md.
+const MOST_CHANGE: [f64; 2] = [0.02, 0.08];
 
 /// Returns the plane, if there is one.
 pub(super) fn plane(lattice_view: &LatticeView) -> Option<Lattice> {
@@ -47,7 +50,8 @@ pub(super) fn plane(lattice_view: &LatticeView) -> Option<Lattice> {
     let along = |n: usize| (forward[slow_fast_medium[n]] * low[n]).min(forward[slow_fast_medium[n]] * high[n]);
     let nearest_depth = forward[3] + along(0) + along(1) + along(2);
     // A clip cuts slices where the view does not run along the slow axis.
-    if nearest < NEAREST || view.clip > nearest_depth {
+    // Nearer slices are seen under too many angles.
+    if nearest < NEAR || view.clip > nearest_depth {
         return None;
     }
     let column = |axis: usize| DVec3::from_array([0, 1, 2].map(|row: usize| camera_from_voxel[row][axis]));
@@ -132,12 +136,37 @@ pub(super) fn plane(lattice_view: &LatticeView) -> Option<Lattice> {
         let (pixel, count) = low_pass.pixels_between(side, low / step[side], high / step[side])?;
         (first[side], size[side]) = (pixel * step[side], count);
     }
+    if change_in_tile(&steps, first, step, size) > lattice_view.sampling.pick(MOST_CHANGE) {
+        return None;
+    }
     let row = |index: usize| voxel_from_pixel.row(index);
     let plane = [0, 1].map(|side| ((row(1 + side) - row(0) * first[side]) / step[side]).to_array());
     let plane_from_pixel = [plane[0], plane[1], row(0).to_array()];
     let strength = f64::from(kernel.normalisation()) / f64::from(kernel.sigma).powi(2);
     let rays = PlaneRays::Perspective { eye, first, step, steps, strength };
     Some(lattice_view.lattice(size, plane_from_pixel, low_pass, rays))
+}
+
+/// Returns by which part of itself the depth of a voxel changes, at most, from a tile's middle to its corners. The plane is that of
+/// [`PlaneRays::Perspective`].
+fn change_in_tile(steps: &[DVec3; 3], first: [f64; 2], step: [f64; 2], size: [u32; 2]) -> f64 {
+    /// Number of places along each side of the plane at which this is computed.
+    const PLACES: u32 = 33;
+    let depth = |[fast, medium]: [f64; 2]| {
+        (steps[0] + steps[1] * fast + steps[2] * medium).length() / (1.0 + fast * fast + medium * medium).sqrt()
+    };
+    let slope = |side: usize, place: u32| {
+        first[side] + step[side] * f64::from(size[side]) * f64::from(place) / f64::from(PLACES - 1)
+    };
+    let mut most: f64 = 0.0;
+    for (row, column) in (0..PLACES).flat_map(|row| (0..PLACES).map(move |column| (row, column))) {
+        let middle = [slope(0, column), slope(1, row)];
+        for [right, down] in [[-1.5, -1.5], [1.5, -1.5], [-1.5, 1.5], [1.5, 1.5]] {
+            let corner = [middle[0] + right * step[0], middle[1] + down * step[1]];
+            most = most.max((depth(corner) / depth(middle) - 1.0).abs());
+        }
+    }
+    most
 }
 
 /// Returns the corners of the part of the picture that shows a box; of all of it if none does, or if a corner of the box is beside the

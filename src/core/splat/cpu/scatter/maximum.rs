@@ -62,7 +62,7 @@ pub(in super::super) fn add<const IS_PERSPECTIVE: bool>(
         if left > right || top > bottom || !in_clip[j] {
             continue;
         }
-        let [_, _, _, value] = projector.look(voxels.records[j]);
+        let [_, _, _, value] = projector.whole_look(voxels.records[j]);
         if value <= 0.0 {
             continue;
         }

@@ -219,7 +219,7 @@ fn value_of(record: u32) -> u32 {
 }
 
 // Returns the colour and the optical depth (in a maximum, the normalised value) of a record's voxel, of which a share is
-// visible.
+// visible; that does not change a maximum.
 fn look_of(record: u32, share: f32) -> vec4<f32> {
     let value = value_of(record);
     var look = looks[value];
@@ -344,8 +344,8 @@ fn between(first: f32, last: f32, low: i32, high: i32) -> vec2<i32> {
 // Returns the voxel of a maximum, which lies at its grid point: cpu/scatter/maximum.rs, MaximumRays::pixels. Its pixels
 // are counted from its own. A voxel beside or behind the eye may have none: its closeness is 0, and its pixels are counted
 // from the picture's centre.
-fn value_splat(voxel: VisitedVoxel, xyz: vec3<u32>, share: f32) -> Splat {
-    let value = look_of(voxel.record, share).w;
+fn value_splat(voxel: VisitedVoxel, xyz: vec3<u32>) -> Splat {
+    let value = look_of(voxel.record, 1.0).w;
     let offset = vec3<f32>(0.0);
     let last_column = frame.window.z - 1;
     let last_row = i32(frame.picture_rows) - 1;
@@ -406,7 +406,7 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
     }
     let cover = coverage_of(voxel.z_coverage >> 16u);
     if IS_MAXIMUM {
-        return value_splat(voxel, xyz, cover.share);
+        return value_splat(voxel, xyz);
     }
     var x: PixelPosition;
     var y: PixelPosition;
