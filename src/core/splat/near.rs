@@ -35,7 +35,7 @@ use super::view::{PixelMap, View};
 use crate::arena::visible::MAX_DEPTH;
 use crate::traverse::Viewpoint;
 
-/// Distance from the eye's plane below which a voxel has no footprint, in the longest step between voxels: twice the radius of the
+/// Distance from the eye's plane below which a voxel has no footprint, in the largest spacing: twice the radius of the
 /// widest kernel of all qualities, so that they draw the same voxels in the same way.
 pub(crate) const NEAR: f64 = 8.4;
 /// The same in radii of the kernel times that step; the larger one counts. Farther away no kernel reaches the eye's plane, and the box
