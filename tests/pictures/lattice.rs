@@ -250,7 +250,7 @@ fn near_thin_slices_of_long_voxels_are_as_bright_as_at_high_quality() {
         ([16, 8, 16], [3.0, 1.0, 3.0], -9.0, 0.1),
         ([32, 8, 32], [4.0, 0.5, 4.0], -6.0, 0.8),
     ] {
-        let samples = vec![255u8; dims.iter().product::<u64>() as usize];
+        let samples = vec![255u8; usize::try_from(dims.iter().product::<u64>()).unwrap()];
         let one = transfer(&format!(r#"{{"kind": "range", "low": 1, "opacity": {opacity}}}"#));
         let volume = adjsplat::Volume::new(dims, samples).unwrap().with_spacing(spacing).unwrap();
         let model = adjsplat::Build::new(one).run(&volume).unwrap();

@@ -33,12 +33,20 @@ const PER_PIXEL_EDGE_ON: [f64; 2] = [2.1, 1.7];
 /// Distance between voxels, in pixels of the picture, up to which the picture shows no such edges.
 pub(super) const SMALL_STEP: f64 = 0.76;
 
+/// How many times as far from the eye the farthest slice must be as the nearest for the pixels to lie otherwise beside the voxels of each
+/// slice: errors of slices then even out, and a plane of this density is enough where matter has no sharp edges. Measured:
+/// docs/studies/sampling.md.
+const WIDE_SPREAD: f64 = 1.6;
+const SPREAD_DENSITY: f64 = 0.85;
+
 /// Rays beside the faces of the voxels' box. A face that is nearly parallel to them is seen edge-on.
 pub(super) struct EdgeRays {
     /// By how many voxels they move per slice, along the fast and the medium axis.
     pub(super) slopes: [f64; 2],
     /// Their length from slice to slice, in mean spacings.
     pub(super) slice: f64,
+    /// How many times as far from the eye the farthest slice is as the nearest; 1 in a parallel view.
+    pub(super) spread: f64,
 }
 
 /// How many pixels of a plane the details of a scene need. Pairs are along the fast and the medium axis.
@@ -94,7 +102,9 @@ impl Resolution {
         let per_pixel = if edge > 1.0 && step > SMALL_STEP { self.per_pixel_edge_on } else { self.per_pixel };
         let least = if is_far { 0.0 } else { self.least_per_sigma };
         let wanted = self.per_sigma * self.sharpness.max(edge);
-        wanted.min(least.max(per_pixel * step * self.sigmas[side])) / self.sigmas[side]
+        let has_edges = edge > 1.0 || self.sharpness > SHARP;
+        let density = if rays.spread >= WIDE_SPREAD && !has_edges { SPREAD_DENSITY } else { 1.0 };
+        density * wanted.min(least.max(per_pixel * step * self.sigmas[side])) / self.sigmas[side]
     }
 
     /// Returns how much finer than the kernel's the outline of faces across the fast (`side` 0) or medium axis (1) is, if they are
