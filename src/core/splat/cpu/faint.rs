@@ -35,8 +35,13 @@ const MAX_STACKS: u64 = 256;
 /// Returns the largest peak that a splat of optical depth 1 can have on the picture's pixels.
 pub(super) fn strongest(setup: &FrameSetup, table: &Table) -> f64 {
     match setup.view.map {
-        PixelMap::Parallel { .. } => Projector::new(setup, table, 0.0).strength.into(),
-        // This assumes the strongest splats: the view runs along the longest spacing, and footprints are not widened.
+        PixelMap::Parallel { .. } => {
+            let projector = Projector::new(setup, table, 0.0);
+            // Narrower kernels have higher peaks.
+            let of_shapes = projector.shapes.iter().flat_map(|shapes| shapes.iter()).map(|(_, strength)| *strength);
+            of_shapes.fold(projector.strength, f32::max).into()
+        }
+        // The largest one of voxels that are visible as a whole: the view runs along the longest spacing, and footprints are not widened.
         PixelMap::Perspective { .. } => {
             setup.view.steps.into_iter().fold(0.0, f64::max) * f64::from(setup.kernel.normalisation())
                 / f64::from(setup.kernel.sigma).powi(2)

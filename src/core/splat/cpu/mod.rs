@@ -132,7 +132,7 @@ fn draw_scene(
     });
     // Faint scenes are drawn in stacks, on the picture's own pixels. Splats are fainter there than on a lattice if voxels are small.
     let is_faint = |lattice: &Lattice| {
-        let strongest = lattice.strength().map_or_else(|| faint::strongest(&setup, &table), f64::from);
+        let strongest = lattice.strongest().map_or_else(|| faint::strongest(&setup, &table), f64::from);
         faint::stacks(scene, &setup, &table, settings, strongest).is_some()
     };
     let sample_grid =

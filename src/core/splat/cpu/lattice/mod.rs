@@ -305,6 +305,12 @@ impl Lattice {
         }
     }
 
+    /// Returns the largest peak that a splat of optical depth 1 of any shape has in a parallel view; `None` in perspective.
+    pub(super) fn strongest(&self) -> Option<f32> {
+        let strongest = || self.kernels([0; 2]).iter().fold(0.0, |most: f32, kernel| most.max(kernel.strength));
+        self.strength().map(|_| strongest())
+    }
+
     /// Returns after how many tiles a slice's voxels lie alike beside them, along the fast and the medium axis, in a parallel view of
     /// voxels on points of the grid; `None` in other views.
     #[inline(always)]
