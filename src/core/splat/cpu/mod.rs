@@ -66,29 +66,44 @@ use crate::traverse::{Order, Sense, VoxelBox};
 /// settings' stop is requested; the error of [`Lanes::lane`](super::Lanes::lane) if that fails.
 pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
     let start = Instant::now();
+    let (frame, work) = draw_parts(scene, camera, settings)?;
+    let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
+    let stats = Stats {
+        splats_drawn: work.drawn,
+        splats_skipped: work.visited - work.drawn,
+        bands: work.bands,
+        frame_ms: milliseconds(start.elapsed()),
+        walk_ms: milliseconds(work.walking),
+        draw_ms: milliseconds(work.drawing),
+    };
+    Ok((frame, stats))
+}
+
+/// Draws the parts of a scene, each from the level of detail that the view chooses for it.
+fn draw_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Frame, BandStats)> {
     let parts = level_parts(scene, camera, settings)?;
     if matches!(parts[..], [LevelPart { level: 0, crop }] if crop == settings.crop) {
-        return draw_scene(scene, camera, settings, None, start);
+        return draw_scene(scene, camera, settings, None);
     }
     let finer = finer_for(scene, &parts, camera, settings)?;
     let as_asked = || (*camera, settings.clone());
     let (camera, drawn) = finer.map_or_else(as_asked, |finer| finer.of_samples(camera, settings));
-    let (mut picture, mut stats) = (None::<Frame>, Stats::default());
+    let (mut picture, mut work) = (None::<Frame>, BandStats::default());
     for part in parts {
         let level = part.scene(scene)?;
         let in_front = picture.as_ref().filter(|_| settings.sense == Sense::FrontToBack);
         let front = in_front.map(|picture| Front::new(picture, settings.termination())).transpose()?;
-        let (behind, work) =
-            draw_scene(&level.scene(), &camera, &part.settings(scene, &drawn), front.as_ref(), Instant::now())?;
+        let settings = part.settings(scene, &drawn);
+        let (behind, part_work) = draw_scene(&level.scene(), &camera, &settings, front.as_ref())?;
         match &mut picture {
             None => picture = Some(behind),
             Some(picture) => picture.put_behind(&behind, settings.mode),
         }
-        stats.add(&work);
+        work.add(&part_work);
     }
     let picture = picture.map_or_else(|| Frame::transparent(drawn.size), Ok)?;
     let picture = if let Some(finer) = finer { finer.picture(&picture, settings.threads)? } else { picture };
-    Ok((picture, stats))
+    Ok((picture, work))
 }
 
 /// Returns on which samples to composite parts of several levels; `None` on the picture's pixels.
@@ -115,8 +130,7 @@ fn draw_scene(
     camera: &Camera,
     settings: &Settings,
     front: Option<&Front>,
-    start: Instant,
-) -> Result<(Frame, Stats)> {
+) -> Result<(Frame, BandStats)> {
     let mut setup = FrameSetup::new(scene, camera, settings)?;
     setup.lane.at_hand()?;
     let table = Table::new(scene, &setup.lane, settings, setup.view.mean_voxel)?;
@@ -174,16 +188,7 @@ fn draw_scene(
         }
     };
     settings.check_stop()?;
-    let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
-    let stats = Stats {
-        splats_drawn: work.drawn,
-        splats_skipped: work.visited - work.drawn,
-        bands: work.bands,
-        frame_ms: milliseconds(start.elapsed()),
-        walk_ms: milliseconds(work.walking),
-        draw_ms: milliseconds(work.drawing),
-    };
-    Ok((frame, stats))
+    Ok((frame, work))
 }
 
 /// Where samples are drawn that are not the picture's pixels; the picture is then computed from them.
