@@ -9,7 +9,6 @@ use crate::classify::normal::{self, Coherence};
 use crate::splat::arith::at_least;
 use crate::splat::composite::Look;
 use crate::splat::shade::Lights;
-use crate::splat::view::PixelMap;
 
 impl Projector<'_> {
     /// Computes the looks, with light, of the voxels of a block whose numbers are in `kept`.
@@ -111,7 +110,7 @@ impl Projector<'_> {
         looks: &mut [Look],
     ) {
         let count = kept.len().min(BLOCK);
-        let mut shades = if let PixelMap::Parallel { .. } = self.map {
+        let mut shades = if !self.is_perspective() {
             shade(lights, normals, count, |_| lights.eye.map(|component| [component; VECTOR_WIDTH]))
         } else {
             let [s, m, f] = self.slow_medium_fast;

@@ -109,9 +109,9 @@ pub(super) fn draw_on_lattice<B: Blend>(
                 if !shown[tile[1] as usize * columns + tile[0] as usize] {
                     continue;
                 }
-                let rays = match lattice.is_displaced() {
-                    true => TileRays::new(tile, lattice.kernels(tile)[shape]),
-                    false => lattice.tile(tile),
+                let rays = match projector.is_on_grid() {
+                    true => lattice.tile(tile),
+                    false => TileRays::new(tile, lattice.kernels(tile)[shape]),
                 };
                 let weight = match footprint {
                     Some((footprints, at)) => footprints.weight(at, code, [x, y]),
@@ -316,14 +316,13 @@ fn lit_colour(projector: &Projector, voxel: [u16; 3], record: usize, colour: [f3
     let code = projector.lane.normal_code(record);
     let Channels { normal_bits, coherence: has_coherence, .. } = projector.lane.channels;
     let normal = normal::decode(code, normal_bits);
-    let eye = match projector.map {
-        PixelMap::Parallel { .. } => lights.eye,
-        PixelMap::Perspective { .. } => {
-            let toward: [f32; 3] = std::array::from_fn(|a| projector.eye[a] - projector.steps[a] * f32::from(voxel[a]));
-            let [x, y, z] = toward;
-            let length = at_least(x * x + y * y + z * z, f32::MIN_POSITIVE).sqrt();
-            toward.map(|c| c / length)
-        }
+    let eye = if projector.is_perspective() {
+        let toward: [f32; 3] = std::array::from_fn(|a| projector.eye[a] - projector.steps[a] * f32::from(voxel[a]));
+        let [x, y, z] = toward;
+        let length = at_least(x * x + y * y + z * z, f32::MIN_POSITIVE).sqrt();
+        toward.map(|c| c / length)
+    } else {
+        lights.eye
     };
     let [[factor], [highlight]] =
         lights.shade([&[normal[0]], &[normal[1]], &[normal[2]]], &eye.map(|component| [component]));

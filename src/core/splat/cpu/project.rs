@@ -137,6 +137,7 @@ impl<'a> Projector<'a> {
     }
 
     /// Returns whether the view is a perspective.
+    #[inline(always)]
     pub fn is_perspective(&self) -> bool {
         self.rays.is_some()
     }

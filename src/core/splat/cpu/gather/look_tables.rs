@@ -11,7 +11,6 @@ use crate::splat::cpu::lattice::Lattice;
 use crate::splat::cpu::project::{Projector, VECTOR_WIDTH, limited};
 use crate::splat::cpu::voxel_block::{BLOCK, VoxelBlock};
 use crate::splat::shade::Lights;
-use crate::splat::view::PixelMap;
 
 /// Looks by value code and light by normal code, for parallel views: all voxels see the same light.
 pub(super) struct LookTables {
@@ -29,8 +28,7 @@ impl LookTables {
         const MANY: usize = 1 << 16;
         let channels = projector.lane.channels;
         let is_short = channels.value_bits == 8 && channels.normal_bits <= 8;
-        let is_parallel = matches!(projector.map, PixelMap::Parallel { .. });
-        if !is_parallel || !is_short || projector.lane.values.len() < 2 * MANY {
+        if projector.is_perspective() || !is_short || projector.lane.values.len() < 2 * MANY {
             return None;
         }
         let mut looks = Box::new(*projector.table.of_bytes()?);

@@ -66,7 +66,7 @@ impl Weights<'_> {
         } else {
             let rays = self.lattice.tile(place);
             // All shapes at once take as long as this many one by one.
-            let (is_displaced, are_many) = (self.lattice.is_displaced(), splats.len() > SHAPES);
+            let (is_displaced, are_many) = (!projector.is_on_grid(), splats.len() > SHAPES);
             let kernels = (is_displaced && are_many).then(|| self.lattice.kernels(place));
             let mut amounts = [[0.0; TILE_PIXELS]; FEW];
             'splats: for few in splats.chunks(FEW) {

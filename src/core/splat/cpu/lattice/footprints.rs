@@ -60,7 +60,7 @@ impl Footprints {
     /// Computes the footprints of a frame; `None` if the view is not parallel, voxels lie on points of the grid, or kernels are wide.
     pub(in super::super) fn new(lattice: &Lattice, projector: &Projector) -> Option<Footprints> {
         let channels = projector.lane.channels;
-        if projector.is_on_grid() || !lattice.is_parallel() {
+        if projector.is_on_grid() || projector.is_perspective() {
             return None;
         }
         let slice = lattice.slice(0);

@@ -118,10 +118,6 @@ pub(super) struct Slice {
 }
 
 impl Slice {
-    /// A slice that stands for none.
-    pub(super) const NONE: Slice =
-        Slice { slow: 0.0, origin: [0.0; 2], step: [1.0; 2], shift: [0.0; 2], growth: [0.0; 2] };
-
     /// Returns the scale of the places of voxels on points of the grid.
     #[inline(always)]
     pub(super) fn scale(&self) -> f32 {
@@ -156,11 +152,6 @@ impl Lattice {
     /// Returns whether it is halved along columns, and along rows.
     pub(super) fn halves(&self) -> [bool; 2] {
         self.low_pass.halvings.map(|halvings| halvings > 0)
-    }
-
-    /// Returns whether voxels may be displaced from points of the grid.
-    pub(super) fn is_displaced(&self) -> bool {
-        self.spread > 0.0
     }
 
     /// Returns the lattice of the slice at `slow` on the slow axis.
@@ -288,12 +279,6 @@ impl Lattice {
         for (to, shape) in shapes.iter_mut().zip(&positions.shapes) {
             *to = (*shape).into();
         }
-    }
-
-    /// Returns whether the view is parallel: all tiles and slices then have the same rays.
-    #[inline(always)]
-    pub(super) fn is_parallel(&self) -> bool {
-        matches!(self.rays, PlaneRays::Parallel { .. })
     }
 
     /// Returns the peak of a splat of optical depth 1 in a parallel view; `None` in perspective, where it varies.
