@@ -416,7 +416,7 @@ impl<'a, B: Blend> Band<'a, B> {
         let looks = slab.add(voxels);
         match tables {
             Some(tables) => tables.colour(projector, voxels, looks),
-            None => _ = dispatch::colour(self.code, projector, voxels, looks),
+            None => dispatch::colour(self.code, projector, voxels, looks),
         }
         if let Some(footprints) = footprints {
             for (look, &record) in looks.iter_mut().zip(&voxels.records) {
