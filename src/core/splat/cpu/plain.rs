@@ -289,9 +289,7 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize,
             let is_far = t2 >= *far;
             if !is_far {
                 let rays = projector.rays.as_ref()?;
-                let mut voxel = [0.0; 3];
-                projector.slow_medium_fast.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
-                let kernel = rays.kernel(voxel, t2)?;
+                let kernel = rays.kernel(projector.unnested(position), t2)?;
                 return (depth > 0.0).then_some(Splat::Near { rays, kernel, depth });
             }
             let inverse_depth = 1.0 / t2;

@@ -302,9 +302,7 @@ impl<'a> Projector<'a> {
             if is_far {
                 continue;
             }
-            let mut voxel = [0.0; 3];
-            self.slow_medium_fast.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
-            if let Some(kernel) = view.kernel(voxel, depth) {
+            if let Some(kernel) = view.kernel(self.unnested(position), depth) {
                 for (extents, [low, high]) in [(&mut places.x, kernel.columns), (&mut places.y, kernel.rows)] {
                     (extents.nearest[j], extents.low[j], extents.high[j]) = (low, low, high);
                 }
@@ -323,8 +321,8 @@ impl<'a> Projector<'a> {
 
     /// Returns the coordinates x, y, z of a voxel from those along the slow, medium and fast axis.
     #[inline(always)]
-    pub(super) fn unnested(&self, nested: [u16; 3]) -> [u16; 3] {
-        let mut voxel = [0; 3];
+    pub(super) fn unnested<T: Copy + Default>(&self, nested: [T; 3]) -> [T; 3] {
+        let mut voxel = [T::default(); 3];
         for (axis, coordinate) in self.slow_medium_fast.into_iter().zip(nested) {
             voxel[axis] = coordinate;
         }
