@@ -106,7 +106,7 @@ pub(super) fn draw(
     settings: &Settings,
     stacks: &[VoxelBox],
 ) -> Result<(Frame, BandStats)> {
-    let mut frame = Frame::transparent(settings.size)?;
+    let mut frame = Frame::transparent(setup.view.size)?;
     let mut stats = BandStats::default();
     for stack in stacks {
         setup.clip.crop = *stack;
@@ -115,7 +115,7 @@ pub(super) fn draw(
             Sense::FrontToBack => scatter::draw::<FaintFrontToBack>(&task)?,
             Sense::BackToFront => scatter::draw::<FaintBackToFront>(&task)?,
         };
-        combine(&bands, settings, &mut frame, |pixel, stack| {
+        combine(&bands, settings.threads, &mut frame, |pixel, stack| {
             let (front, behind) = match settings.sense {
                 Sense::FrontToBack => (*pixel, stack),
                 Sense::BackToFront => (stack, *pixel),

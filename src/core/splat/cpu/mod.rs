@@ -156,16 +156,15 @@ fn draw_scene(
         _ => None,
     };
     setup.low_pass = bounds.map_or(LOW_PASS, |bounds| splat_low_pass(&setup.view, &bounds, settings, supersampling));
-    let draw = |view: View, front: Option<&Front>| {
-        let settings = &Settings { size: view.size, ..settings.clone() };
-        let mut setup = FrameSetup { view, ..setup.clone() };
-        match faint::stacks(scene, &setup, &table, settings, faint::strongest(&setup, &table)) {
+    let draw = |mut setup: FrameSetup, front: Option<&Front>| {
+        let stacks = faint::stacks(scene, &setup, &table, settings, faint::strongest(&setup, &table));
+        match stacks {
             Some(stacks) => faint::draw(&mut setup, &table, settings, &stacks),
             None => draw_in_mode(&setup, &table, settings, front),
         }
     };
     let (frame, work) = match sample_grid {
-        None => draw(setup.view.clone(), front)?,
+        None => draw(setup, front)?,
         Some(SampleGrid::Lattice(lattice)) => {
             let draw = if settings.mode == Mode::Additive { warped::<Additive> } else { warped::<FrontToBack> };
             draw(&setup, &table, settings, front, &lattice)?
@@ -179,7 +178,7 @@ fn draw_scene(
                 if bounds.is_some_and(|bounds| pixels(&setup.view, half_widths, rect, &bounds).is_none()) {
                     continue;
                 }
-                let (drawn, strip_work) = draw(setup.view, None)?;
+                let (drawn, strip_work) = draw(setup, None)?;
                 settings.check_stop()?;
                 supersampling.reduce(&drawn, &strip, settings.threads, &mut picture);
                 work.add(&strip_work);
@@ -275,7 +274,7 @@ fn blended<B: Blend>(
     front: Option<&Front>,
 ) -> Result<(Frame, BandStats)> {
     let bands = scatter::draw::<B>(&DrawTask { front, ..DrawTask::new::<B>(setup, table, settings) })?;
-    assemble(&bands, settings, table)
+    assemble(&bands, setup.view.size, settings.threads, table)
 }
 
 /// Marks the records that a view shows. A record is shown if, at any pixel of its footprint, the transmittance in front

@@ -15,11 +15,11 @@ use super::warp::halved;
 use crate::arena::layout::Channels;
 use crate::classify::normal::{self, Coherence};
 use crate::error::Result;
+use crate::splat::Frame;
 use crate::splat::arith::at_least;
 use crate::splat::kernel::{Ellipse, footprint};
 use crate::splat::near::{EyeRays, NearKernel};
 use crate::splat::view::{Affine, PixelMap, single};
-use crate::splat::{Frame, Settings};
 use crate::traverse::Batch;
 
 /// Draws the whole picture.
@@ -127,15 +127,15 @@ pub(super) fn draw_on_lattice<B: Blend>(
         }
         is_drawn
     });
-    let settings = &Settings { size: lattice.size, ..task.settings.clone() };
+    let threads = task.settings.threads;
     let bands = [BandResult { tiles, stats }];
     let transmits = B::INITIAL_ALPHA > 0.0;
     let mut frame = Frame::transparent(lattice.size)?;
-    combine(&bands, settings, &mut frame, |pixel, [red, green, blue, alpha]| {
+    combine(&bands, threads, &mut frame, |pixel, [red, green, blue, alpha]| {
         *pixel = [red, green, blue, if transmits { 1.0 - alpha } else { alpha }];
     });
     let halves = lattice.halves();
-    let kept = if halves == [false; 2] { frame } else { halved(&frame, halves, settings.threads)? };
+    let kept = if halves == [false; 2] { frame } else { halved(&frame, halves, threads)? };
     Ok((kept, BandStats::of(&bands)))
 }
 
