@@ -10,7 +10,7 @@ use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pix
 use super::scatter::maximum::{MaximumRays, advance};
 use super::splats::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, combine, full_rect};
-use super::tile_buffer::{Rect, TILE_SHIFT, TileBuffer};
+use super::tile_buffer::{Rect, TILE_SHIFT, TileBuffer, index_in_tile};
 use super::warp::halved;
 use crate::arena::layout::Channels;
 use crate::classify::normal::{self, Coherence};
@@ -115,7 +115,7 @@ pub(super) fn draw_on_lattice<B: Blend>(
                 };
                 let weight = match footprint {
                     Some((footprints, at)) => footprints.weight(at, code, [x, y]),
-                    None => rays.weights(&place, projector.cut)[((y & 3) << TILE_SHIFT | (x & 3)) as usize],
+                    None => rays.weights(&place, projector.cut)[index_in_tile(x, y)],
                 };
                 let peak = limited(depth, rays.strength());
                 if peak <= 0.0 {
