@@ -217,12 +217,12 @@ impl Supersampling {
         let filter = Filter::new(self.factor, self.sigma);
         let [columns, rows] = self.size();
         // The rows that the filter needs around a strip are drawn again for the next strip: they should be few.
-        let around = filter.weights.len() as u32;
-        let height = ((self.strip_samples / columns).max(3 * around) - around) / self.factor;
+        let taps = filter.weights.len() as u32;
+        let height = ((self.strip_samples / columns).max(3 * taps) - taps) / self.factor;
         let strip = |from: u32| {
             let to = self.size[1].min(from + height);
             let first = self.first_sample(from).saturating_sub(filter.before);
-            let end = (self.first_sample(to - 1) + around).saturating_sub(filter.before);
+            let end = (self.first_sample(to - 1) + taps).saturating_sub(filter.before);
             Strip { rows: from..to, sample_rows: first..end.min(rows) }
         };
         (0..self.size[1]).step_by(height as usize).map(strip).collect()

@@ -318,7 +318,7 @@ impl Lattice {
     }
 
     /// Returns how far a kernel reaches along the fast (`side` 0) or medium axis (1) from its centre, in voxels, on rays
-    /// that meet the plane between the pixels `low` and `high`.
+    /// that meet the plane between two pixels.
     #[inline(always)]
     pub(super) fn kernel_reach(&self, side: usize, ends: [f64; 2]) -> f64 {
         let steepest = self.steepest(side, ends);
