@@ -152,6 +152,9 @@ pub(super) struct RowTerms {
     exponent: [f32; TILE_PIXELS],
 }
 
+/// The `per_square` and `stretch` of rays that change nothing.
+pub(super) const AFFINE: [f32; 2] = [1.0, 1.0];
+
 impl SplatKernel {
     /// Returns the optical depth at a pixel, in units of ln 2; `rays` if the splat is on rays.
     pub(super) fn depth(&self, x: i32, y: i32, rays: Option<&EyeRays>) -> f32 {
@@ -159,9 +162,9 @@ impl SplatKernel {
         let first_row = ((y & !3) - self.centre.y) as f32;
         let (distance, exponent) = self.terms(root, first_row, (x & 3) as f32, (y & 3) as f32);
         let first_column = ((x & !3) - self.centre.x) as f32 * root;
-        let Some(rays) = rays else { return self.depth_at(first_column, distance, exponent) };
-        let RayLengths { per_square: [per_square], stretch: [stretch] } = rays.lengths([x], [y]);
-        self.depth_on_ray(first_column, distance, exponent, [per_square, stretch])
+        let lengths = rays.map(|rays| rays.lengths([x], [y]));
+        let lengths = lengths.map_or(AFFINE, |RayLengths { per_square, stretch }| [per_square[0], stretch[0]]);
+        self.depth_on_ray(first_column, distance, exponent, lengths)
     }
 
     /// Returns the two values of [`RowTerms`] for the pixel at `column` and `row` of a tile whose first row is
@@ -173,19 +176,12 @@ impl SplatKernel {
         (root * distance, self.ellipse.y_factor * (dy * dy))
     }
 
-    #[inline(always)]
-    fn depth_at(&self, first_column: f32, distance: f32, exponent: f32) -> f32 {
-        let u = first_column + distance;
-        let q = u * u + exponent;
-        // Far outside the ellipse the exponential is meaningless, and `keep_if` replaces it by 0.
-        keep_if(q <= self.cut, self.peak * exp2_neg(q))
-    }
-
-    /// Returns the optical depth on a ray.
+    /// Returns the optical depth on a ray of this `per_square` and `stretch`.
     #[inline(always)]
     fn depth_on_ray(&self, first_column: f32, distance: f32, exponent: f32, [per_square, stretch]: [f32; 2]) -> f32 {
         let u = first_column + distance;
         let q = (u * u + exponent) * per_square;
+        // Far outside the ellipse the exponential is meaningless, and `keep_if` replaces it by 0.
         keep_if(q <= self.cut, ray_depth(self.peak, stretch) * exp2_neg(q))
     }
 
@@ -199,31 +195,20 @@ impl SplatKernel {
         terms
     }
 
-    /// Returns the optical depths at the pixels of a tile.
+    /// Returns the optical depths at the pixels of a tile; `lengths` returns the `per_square` and `stretch` of a pixel's ray,
+    /// [`AFFINE`] if the splat is not on rays.
     #[inline(always)]
-    pub(super) fn depths(&self, root: f32, tile_row: &RowTerms, column: i32) -> [f32; TILE_PIXELS] {
-        let first_column = ((column << TILE_SHIFT) - self.centre.x) as f32 * root;
-        let mut depths = [0.0; TILE_PIXELS];
-        for i in 0..TILE_PIXELS {
-            depths[i] = self.depth_at(first_column, tile_row.distance[i], tile_row.exponent[i]);
-        }
-        depths
-    }
-
-    /// Returns the optical depths of a splat that is on rays.
-    #[inline(always)]
-    pub(super) fn depths_on_rays(
+    pub(super) fn depths(
         &self,
         root: f32,
         tile_row: &RowTerms,
         column: i32,
-        lengths: &RayLengths<TILE_PIXELS>,
+        lengths: impl Fn(usize) -> [f32; 2],
     ) -> [f32; TILE_PIXELS] {
         let first_column = ((column << TILE_SHIFT) - self.centre.x) as f32 * root;
         let mut depths = [0.0; TILE_PIXELS];
         for i in 0..TILE_PIXELS {
-            let lengths = [lengths.per_square[i], lengths.stretch[i]];
-            depths[i] = self.depth_on_ray(first_column, tile_row.distance[i], tile_row.exponent[i], lengths);
+            depths[i] = self.depth_on_ray(first_column, tile_row.distance[i], tile_row.exponent[i], lengths(i));
         }
         depths
     }
