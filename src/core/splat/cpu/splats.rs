@@ -97,11 +97,13 @@ impl Splats {
         (self.places.x.clipped(j, rect.x0, rect.x1), self.places.y.clipped(j, rect.y0, rect.y1))
     }
 
-    /// Returns the ellipse of splat `j`, without its box.
+    /// Returns the kernel of splat `j`, without its box, with this exponent at the cut-off and this peak.
     #[inline(always)]
-    pub(super) fn ellipse(&self, j: usize) -> Ellipse {
-        let [u_factor, y_factor, shear] = self.places.ellipses.each_ref().map(|factors| factors[j]);
-        Ellipse { u_factor, y_factor, shear, ..Ellipse::default() }
+    pub(super) fn kernel(&self, j: usize, cut: f32, peak: f32) -> SplatKernel {
+        let SplatPlaces { x, y, ellipses, .. } = &self.places;
+        let centre = Centre { x: x.nearest[j], y: y.nearest[j], offset_x: x.offset[j], offset_y: y.offset[j] };
+        let [u_factor, y_factor, shear] = ellipses.each_ref().map(|factors| factors[j]);
+        SplatKernel { centre, ellipse: Ellipse { u_factor, y_factor, shear, ..Ellipse::default() }, cut, peak }
     }
 
     /// Returns the kernel of voxel `j` if it is near the eye.
@@ -115,12 +117,6 @@ impl Splats {
     #[inline(always)]
     pub(super) fn is_on_rays(&self, j: usize) -> bool {
         self.places.on_rays[j]
-    }
-
-    #[inline(always)]
-    pub(super) fn centre(&self, j: usize) -> Centre {
-        let SplatPlaces { x, y, .. } = &self.places;
-        Centre { x: x.nearest[j], y: y.nearest[j], offset_x: x.offset[j], offset_y: y.offset[j] }
     }
 }
 

@@ -40,7 +40,7 @@ pub(in super::super) fn draw<B: Blend>(
             draw_near::<B>(tiles, rays, kernel, peak, place, look, stop);
             continue;
         }
-        let kernel = SplatKernel { centre: splats.centre(j), ellipse: splats.ellipse(j), cut, peak };
+        let kernel = splats.kernel(j, cut, peak);
         match rays.filter(|_| splats.is_on_rays(j)) {
             None if peak <= SMALL_DEPTH => draw_splat::<B, true>(tiles, None, &kernel, place, look, stop),
             None => draw_splat::<B, false>(tiles, None, &kernel, place, look, stop),
