@@ -78,7 +78,7 @@ impl Projector<'_> {
 
     /// Returns the x, y and z components of the unit normals of the first `count` codes.
     #[inline(always)]
-    fn normals(&self, codes: &[u32; BLOCK], count: usize) -> [[f32; BLOCK]; 3] {
+    pub(super) fn normals(&self, codes: &[u32; BLOCK], count: usize) -> [[f32; BLOCK]; 3] {
         let mut normals = [[0.0f32; BLOCK]; 3];
         if self.lane.channels.normal_bits == 8 {
             for from in (0..count.min(BLOCK)).step_by(VECTOR_WIDTH) {
@@ -146,7 +146,7 @@ impl Projector<'_> {
 
 /// Returns [`Lights::shade`] of the first `count` voxels of a block; `eye` returns the unit vectors to the eye of one chunk of them.
 #[inline(always)]
-fn shade(
+pub(super) fn shade(
     lights: &Lights,
     normals: &[[f32; BLOCK]; 3],
     count: usize,
