@@ -18,9 +18,8 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec4};
 
-use super::cpu::project::{jacobian, widened};
 use super::frame::in_range;
-use super::kernel::{LOW_PASS, SPLAT_LOW_PASS, area, narrowest_sigma};
+use super::kernel::{LOW_PASS, SPLAT_LOW_PASS, area, jacobian, narrowest_sigma, widened};
 use super::view::{MAX_SIZE, PixelMap, View, apply, single};
 use super::{Camera, Frame, Mode, Sampling, Settings};
 use crate::error::Result;

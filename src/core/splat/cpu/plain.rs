@@ -6,7 +6,7 @@
 
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
 use super::lattice::{Footprints, Lattice, TileRays};
-use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pixel_span, slant, widened};
+use super::project::{Projector, affine_at, limited, nearest_pixel, pixel_span, slant};
 use super::scatter::maximum::{MaximumRays, advance};
 use super::splats::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, combine, full_rect};
@@ -17,7 +17,7 @@ use crate::classify::normal::{self, Coherence};
 use crate::error::Result;
 use crate::splat::Frame;
 use crate::splat::arith::at_least;
-use crate::splat::kernel::{Ellipse, footprint};
+use crate::splat::kernel::{Ellipse, footprint, jacobian, widened};
 use crate::splat::near::{EyeRays, NearKernel};
 use crate::splat::view::{Affine, PixelMap, single};
 use crate::traverse::Batch;

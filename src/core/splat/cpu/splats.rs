@@ -8,6 +8,7 @@
 //! For a splat on rays (`Footprint::in_perspective`) these are the numbers of a ray of length and stretch 1: at a pixel, q is multiplied
 //! by its ray's `per_square`, the peak by its `stretch`, and the cut-off is that of the product.
 
+use super::project::{VECTOR_WIDTH, limited, nearest_pixel, pixel_span};
 use super::tile_buffer::{COLUMN, ROW, Rect, TILE_PIXELS, TILE_SHIFT};
 use super::voxel_block::BLOCK;
 use crate::splat::arith::{at_least, at_most, exp2_neg, keep_if};
@@ -38,6 +39,13 @@ impl<const N: usize> Extents<N> {
     fn clipped(&self, j: usize, low: i32, high: i32) -> [i32; 2] {
         [self.low[j].max(low), self.high[j].min(high - 1)]
     }
+
+    /// Sets the centre and box of voxel `j` in x or y. The box reaches `half_width` pixels to both sides of the centre.
+    #[inline(always)]
+    fn set(&mut self, j: usize, centre: (i32, f32), half_width: f32) {
+        (self.nearest[j], self.offset[j]) = centre;
+        (self.low[j], self.high[j]) = pixel_span(centre, half_width);
+    }
 }
 
 /// The places of splats: centres, boxes, ellipses and strengths.
@@ -62,6 +70,34 @@ impl<const N: usize> SplatPlaces<N> {
             strength: [0.0; N],
             on_rays: [false; N],
         }
+    }
+}
+
+impl SplatPlaces<VECTOR_WIDTH> {
+    /// Sets splat `j`, whose centre is at a column and a row.
+    #[inline(always)]
+    pub(super) fn set(&mut self, j: usize, [column, row]: [f64; 2], ellipse: &Ellipse, strength: f32) {
+        self.x.set(j, nearest_pixel(column), ellipse.half_x);
+        self.y.set(j, nearest_pixel(row), ellipse.half_y);
+        (self.ellipses[0][j], self.ellipses[1][j], self.ellipses[2][j]) =
+            (ellipse.u_factor, ellipse.y_factor, ellipse.shear);
+        self.strength[j] = strength;
+    }
+
+    /// Copies all values into a block's arrays, starting at index `from`.
+    #[inline(always)]
+    pub(super) fn copy_to(&self, from: usize, out: &mut SplatPlaces<BLOCK>) {
+        for (out, part) in [(&mut out.x, &self.x), (&mut out.y, &self.y)] {
+            out.nearest[from..from + VECTOR_WIDTH].copy_from_slice(&part.nearest);
+            out.offset[from..from + VECTOR_WIDTH].copy_from_slice(&part.offset);
+            out.low[from..from + VECTOR_WIDTH].copy_from_slice(&part.low);
+            out.high[from..from + VECTOR_WIDTH].copy_from_slice(&part.high);
+        }
+        for (out, part) in out.ellipses.iter_mut().zip(&self.ellipses) {
+            out[from..from + VECTOR_WIDTH].copy_from_slice(part);
+        }
+        out.strength[from..from + VECTOR_WIDTH].copy_from_slice(&self.strength);
+        out.on_rays[from..from + VECTOR_WIDTH].copy_from_slice(&self.on_rays);
     }
 }
 
@@ -117,6 +153,21 @@ impl Splats {
     #[inline(always)]
     pub(super) fn is_on_rays(&self, j: usize) -> bool {
         self.places.on_rays[j]
+    }
+
+    /// Turns each kept splat's optical depth per mean spacing into that at the splat's centre; on rays, that divided by the ray's
+    /// stretch. That of a voxel near the eye stays.
+    #[inline(always)]
+    pub fn apply_strengths(&mut self) {
+        for k in 0..self.count {
+            let j = usize::from(self.kept[k]) % BLOCK;
+            let strength = self.places.strength[j];
+            if self.places.on_rays[j] {
+                self.looks[k][3] *= strength;
+            } else if self.near(j).is_none() {
+                self.looks[k][3] = limited(self.looks[k][3], strength);
+            }
+        }
     }
 }
 
