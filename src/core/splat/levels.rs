@@ -212,9 +212,8 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
     if matches!(runs[..], [(0, _)]) || !do_fit() {
         return Ok(whole);
     }
-    let all = VoxelBox { low: [0; 3], high: [u16::MAX; 3] };
     let part = |(level, slices): (usize, Range<u32>)| {
-        let mut crop = settings.crop.unwrap_or(all);
+        let mut crop = settings.crop.unwrap_or(VoxelBox::ALL);
         let last = u16::try_from(slices.end - 1).unwrap_or(u16::MAX);
         crop.low[slow] = crop.low[slow].max(u16::try_from(slices.start).unwrap_or(u16::MAX));
         crop.high[slow] = crop.high[slow].min(last);

@@ -74,12 +74,8 @@ pub(super) fn stacks(
     if table.reaches(FAINT / strongest) {
         return None;
     }
-    let (mut low, mut high) = setup.lane.bounds()?;
-    let crop = setup.clip.crop;
-    (0..3).for_each(|a| (low[a], high[a]) = (low[a].max(crop.low[a]), high[a].min(crop.high[a])));
-    if (0..3).any(|a| low[a] > high[a]) {
-        return None;
-    }
+    let (low, high) = setup.lane.bounds()?;
+    let VoxelBox { low, high } = setup.clip.crop.and(&VoxelBox { low, high })?;
     // The thickness of a stack is a multiple of eight slices, the thickness of a tile.
     let (first_slice, last_slice) = (u64::from(low[slow]), u64::from(high[slow]));
     let tile_start = first_slice / 8 * 8;

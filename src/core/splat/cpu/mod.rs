@@ -119,8 +119,8 @@ fn finer_for(
     let finest = parts.iter().min_by_key(|part| part.level).filter(|_| parts.len() > 1);
     let Some(finest) = finest else { return Ok(None) };
     let grid = &facts_of(scene, finest.level).grid;
-    let all = VoxelBox { low: [0; 3], high: grid.dims.map(|points| (points - 1) as u16) };
-    let (finer, _) = Supersampling::of(grid, Some(all), camera, &finest.settings(scene, settings))?;
+    let all = Some(VoxelBox::of_dims(grid.dims));
+    let (finer, _) = Supersampling::of(grid, all, camera, &finest.settings(scene, settings))?;
     Ok(finer.filter(|finer| finer.samples() <= MIXED_SAMPLES))
 }
 
