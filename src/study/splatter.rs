@@ -210,5 +210,5 @@ pub(crate) fn splat(
     feed(&mut splatter)?;
     splatter.flush();
     let band = BandResult { tiles: splatter.tiles, stats: BandStats::default() };
-    Ok(assemble(&[band], &settings, &table)?.0)
+    Ok(assemble(&[band], settings.size, settings.threads, &table)?.0)
 }

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::outline::Outline;
 use super::{require, require_pixels, require_positive};
 use crate::error::{Error, Result};
+use crate::traverse::VoxelBox;
 use crate::volume::{Axis, Grid};
 
 /// A camera's projection.
@@ -201,8 +202,8 @@ impl Surround {
 
     /// Returns the sphere around the whole grid.
     pub fn of_grid(grid: &Grid) -> Surround {
-        let high = grid.dims.map(|points| u16::try_from(points.saturating_sub(1)).unwrap_or(u16::MAX));
-        Surround::of_voxels(grid, [0; 3], high)
+        let VoxelBox { low, high } = VoxelBox::of_dims(grid.dims);
+        Surround::of_voxels(grid, low, high)
     }
 }
 

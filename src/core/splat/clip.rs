@@ -64,7 +64,7 @@ pub(crate) struct IndexPlane {
 
 impl ClipRegion {
     pub(super) fn new(settings: &Settings, grid: &Grid) -> ClipRegion {
-        let crop = settings.crop.unwrap_or(VoxelBox { low: [0; 3], high: [u16::MAX; 3] });
+        let crop = settings.crop.unwrap_or(VoxelBox::ALL);
         ClipRegion { crop, plane: settings.clip.map(|plane| IndexPlane::new(&plane, grid)) }
     }
 

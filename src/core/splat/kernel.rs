@@ -189,6 +189,27 @@ impl KernelShape {
     }
 }
 
+/// Returns by how many columns (first row of the result) and rows (second row) a voxel's footprint moves per voxel
+/// along each axis, at the ray with tangents `tan_x` and `tan_y`.
+///
+/// `steps`: how far the next voxel on each axis lies to the right, up and forward; `scale`: pixels per mean spacing.
+#[inline(always)]
+pub(crate) fn jacobian(steps: &[[f32; 3]; 3], tan_x: f32, tan_y: f32, scale: f32) -> [[f32; 3]; 2] {
+    let [right, up, forward] = steps;
+    let mut rows = [[0.0; 3]; 2];
+    for a in 0..3 {
+        rows[0][a] = scale * (right[a] - tan_x * forward[a]);
+        rows[1][a] = scale * (tan_y * forward[a] - up[a]);
+    }
+    rows
+}
+
+/// Returns the Jacobian `rows` of a voxel whose kernel has these widths along the axes.
+#[inline(always)]
+pub(crate) fn widened(rows: [[f32; 3]; 2], widths: [f32; 3]) -> [[f32; 3]; 2] {
+    rows.map(|[x, y, z]| [x * widths[0], y * widths[1], z * widths[2]])
+}
+
 /// The footprint of a kernel on the screen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Footprint {

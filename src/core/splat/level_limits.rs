@@ -8,7 +8,7 @@
 use zerocopy::byteorder::little_endian::F32;
 
 use super::camera::{Projection, ToCamera};
-use super::levels::{WORTHWHILE, factors, facts_of, level_order, level_settings};
+use super::levels::{WORTHWHILE, factors, facts_of, level_order, level_settings, share};
 use super::supersample::{SMALL_STRIP_SAMPLES, STRIP_SAMPLES, Supersampling};
 use super::{Camera, Frame, Lanes, Orbit, Outline, Quality, Scene, Settings, cpu};
 use crate::arena::layout::LevelLimits;
@@ -247,14 +247,16 @@ struct Search {
 impl Search {
     /// Returns the searches for a level; none if it is never drawn.
     fn of_level(scene: &Scene, level: usize) -> Vec<Search> {
-        let facts = &scene.lanes.detail().levels[level - 1];
-        let longest = facts.grid.spacing.into_iter().fold(0.0, f64::max);
+        let longest = facts_of(scene, level).grid.spacing.into_iter().fold(0.0, f64::max);
         let edge = longest / scene.facts.grid.mean_spacing();
         let sizes = FACTORS.into_iter().map(|factor| (factor, edge / f64::from(factor)));
         let sizes: Vec<_> = sizes.filter(|(_, pixels)| (PIXELS[0]..=PIXELS[1]).contains(pixels)).collect();
         let search = |quality| Search { level, quality, sizes: sizes.clone(), good: 0, has_seen: false };
-        let is_worthwhile = facts.visible_voxels as f64 <= WORTHWHILE * scene.facts.visible_voxels as f64;
-        if is_worthwhile { [Quality::Standard, Quality::Draft].map(search).into() } else { Vec::new() }
+        if share(scene, level) <= WORTHWHILE {
+            [Quality::Standard, Quality::Draft].map(search).into()
+        } else {
+            Vec::new()
+        }
     }
 
     /// Leaves out sizes at which the level is not good enough from a direction.

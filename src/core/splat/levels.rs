@@ -118,7 +118,7 @@ fn most_pixels(scene: &Scene, level: usize, quality: Quality) -> f64 {
 }
 
 /// Returns how many voxels a level has for each of level 0.
-fn share(scene: &Scene, level: usize) -> f64 {
+pub(super) fn share(scene: &Scene, level: usize) -> f64 {
     facts_of(scene, level).visible_voxels as f64 / scene.facts.visible_voxels as f64
 }
 
@@ -169,12 +169,10 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
     let view = View::new(camera, &scene.facts.grid, settings.size, settings.kernel(), settings.near)?;
     let levels = scene.lanes.detail().levels.len();
     if let Some(level) = settings.level {
-        let why = || format!("is {level}, but the file has levels 0 to {levels}");
-        return match level {
-            0 => Ok(vec![LevelPart { level: 0, crop: settings.crop }]),
-            _ if level > levels => Err(Error::input("level", why())),
-            _ => Ok(LevelPart::within(scene, level, settings.crop).into_iter().collect()),
-        };
+        if level > levels {
+            return Err(Error::input("level", format!("is {level}, but the file has levels 0 to {levels}")));
+        }
+        return Ok(LevelPart::within(scene, level, settings.crop).into_iter().collect());
     }
     let whole = vec![LevelPart { level: 0, crop: settings.crop }];
     let is_composite = settings.mode == Mode::Composite && settings.blending == Blending::Exponential;
@@ -206,21 +204,16 @@ pub fn level_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Resul
     let coarsest = |distance: f64| (0..=levels).rev().find(|level| distances[*level] <= distance).unwrap_or(0);
     let do_fit = || settings.quality != Quality::Standard || fit(scene);
     let Viewpoint::Perspective { eye, .. } = view.viewpoint else {
-        let level = coarsest(0.0);
-        return Ok(if level == 0 || !do_fit() {
-            whole
-        } else {
-            LevelPart::within(scene, level, settings.crop).into_iter().collect()
-        });
+        let level = Some(coarsest(0.0)).filter(|level| *level > 0 && do_fit()).unwrap_or(0);
+        return Ok(LevelPart::within(scene, level, settings.crop).into_iter().collect());
     };
     let slow = super::setup::walk_order(&view, &scene.facts.grid, settings)?.slow.index();
     let runs = runs(scene, slow, eye[slow], view.steps[slow], coarsest);
     if matches!(runs[..], [(0, _)]) || !do_fit() {
         return Ok(whole);
     }
-    let all = VoxelBox { low: [0; 3], high: [u16::MAX; 3] };
     let part = |(level, slices): (usize, Range<u32>)| {
-        let mut crop = settings.crop.unwrap_or(all);
+        let mut crop = settings.crop.unwrap_or(VoxelBox::ALL);
         let last = u16::try_from(slices.end - 1).unwrap_or(u16::MAX);
         crop.low[slow] = crop.low[slow].max(u16::try_from(slices.start).unwrap_or(u16::MAX));
         crop.high[slow] = crop.high[slow].min(last);

@@ -45,7 +45,7 @@ impl<'a> Outline<'a> {
     pub fn of_boxes(grid: &Grid, boxes: impl IntoIterator<Item = VoxelBox>) -> Outline<'a> {
         let mut boxes: Vec<VoxelBox> = boxes.into_iter().collect();
         if boxes.is_empty() {
-            boxes.push(whole(grid));
+            boxes.push(VoxelBox::of_dims(grid.dims));
         }
         let around = boxes.iter().copied().reduce(around).expect("there is a box");
         Outline::new(grid, Voxels::Boxes(boxes), around)
@@ -64,7 +64,7 @@ impl<'a> Outline<'a> {
         let of_lane =
             |(at, lane): &([u16; 3], Lane)| lane.bounds().map(|(low, high)| moved(VoxelBox { low, high }, *at));
         let visible = lanes.iter().filter_map(of_lane).reduce(around);
-        let within = crop.or(visible).unwrap_or_else(|| whole(grid));
+        let within = crop.or(visible).unwrap_or_else(|| VoxelBox::of_dims(grid.dims));
         let counted = visible.filter(|visible| visible.meets(&within)).and_then(|visible| match crop {
             None => Some(visible),
             Some(_) => Outline::new(grid, Voxels::Lanes(lanes.clone()), within).counted(&lanes),
@@ -122,7 +122,7 @@ impl<'a> Outline<'a> {
     /// Returns the largest `farthest` of a voxel. Only those lines are read whose boxes reach farther than the voxels found so far,
     /// first those of the tile that reaches farthest: O(tiles), and O(lines) of tiles at the outline.
     fn farthest_voxel(&self, at: [u16; 3], lane: &Lane, farthest: &dyn Fn(&VoxelBox) -> f64) -> f64 {
-        let bound = |part: VoxelBox| self.inside(&part).map(|part| farthest(&part));
+        let bound = |part: VoxelBox| self.within.and(&part).map(|part| farthest(&part));
         let in_tile = |reached: f64, tile: &TileRecord| {
             let (bounds, most) = (tile_bounds(lane, tile), lane.dims[0] as usize);
             let lines = lane.tile_lines(tile, u64::MAX).filter(|line| line.records.len() <= most);
@@ -133,7 +133,7 @@ impl<'a> Outline<'a> {
                 if bound(part([bounds.low[0], bounds.high[0]])).is_none_or(|bound| bound <= reached) {
                     return reached;
                 }
-                let counts = |x, record| lane.shows(record) && self.inside(&part([place(x); 2])).is_some();
+                let counts = |x, record| lane.shows(record) && self.within.and(&part([place(x); 2])).is_some();
                 let extent = lane.line_extent(line.records, counts);
                 extent.map_or(reached, |extent| reached.max(farthest(&part(extent.map(place)))))
             })
@@ -144,14 +144,6 @@ impl<'a> Outline<'a> {
         lane.sweep_tiles().fold(in_tile(f64::NEG_INFINITY, first), |reached, tile| match of_tile(tile) {
             Some(bound) if bound > reached => in_tile(reached, tile),
             _ => reached,
-        })
-    }
-
-    /// Returns the part of a box that counts; `None` if there is none.
-    fn inside(&self, part: &VoxelBox) -> Option<VoxelBox> {
-        part.meets(&self.within).then(|| VoxelBox {
-            low: std::array::from_fn(|a| part.low[a].max(self.within.low[a])),
-            high: std::array::from_fn(|a| part.high[a].min(self.within.high[a])),
         })
     }
 }
@@ -168,10 +160,6 @@ fn around(one: VoxelBox, other: VoxelBox) -> VoxelBox {
         low: std::array::from_fn(|a| one.low[a].min(other.low[a])),
         high: std::array::from_fn(|a| one.high[a].max(other.high[a])),
     }
-}
-
-fn whole(grid: &Grid) -> VoxelBox {
-    VoxelBox { low: [0; 3], high: grid.dims.map(|points| u16::try_from(points.saturating_sub(1)).unwrap_or(u16::MAX)) }
 }
 
 impl Camera {

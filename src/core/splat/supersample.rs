@@ -18,9 +18,8 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec4};
 
-use super::cpu::project::{jacobian, widened};
 use super::frame::in_range;
-use super::kernel::{LOW_PASS, SPLAT_LOW_PASS, area, narrowest_sigma};
+use super::kernel::{LOW_PASS, SPLAT_LOW_PASS, area, jacobian, narrowest_sigma, widened};
 use super::view::{MAX_SIZE, PixelMap, View, apply, single};
 use super::{Camera, Frame, Mode, Sampling, Settings};
 use crate::error::Result;
@@ -217,12 +216,12 @@ impl Supersampling {
         let filter = Filter::new(self.factor, self.sigma);
         let [columns, rows] = self.size();
         // The rows that the filter needs around a strip are drawn again for the next strip: they should be few.
-        let around = filter.weights.len() as u32;
-        let height = ((self.strip_samples / columns).max(3 * around) - around) / self.factor;
+        let taps = filter.weights.len() as u32;
+        let height = ((self.strip_samples / columns).max(3 * taps) - taps) / self.factor;
         let strip = |from: u32| {
             let to = self.size[1].min(from + height);
             let first = self.first_sample(from).saturating_sub(filter.before);
-            let end = (self.first_sample(to - 1) + around).saturating_sub(filter.before);
+            let end = (self.first_sample(to - 1) + taps).saturating_sub(filter.before);
             Strip { rows: from..to, sample_rows: first..end.min(rows) }
         };
         (0..self.size[1]).step_by(height as usize).map(strip).collect()

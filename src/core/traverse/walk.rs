@@ -45,6 +45,21 @@ pub struct VoxelBox {
 }
 
 impl VoxelBox {
+    /// The box of all voxels, of any grid.
+    pub(crate) const ALL: VoxelBox = VoxelBox { low: [0; 3], high: [u16::MAX; 3] };
+
+    /// Returns the box of all voxels of a grid with so many points along x, y and z.
+    pub(crate) fn of_dims(dims: [u32; 3]) -> VoxelBox {
+        VoxelBox { low: [0; 3], high: dims.map(|points| u16::try_from(points.saturating_sub(1)).unwrap_or(u16::MAX)) }
+    }
+
+    /// Returns the voxels that are in both boxes; `None` if there are none.
+    pub(crate) fn and(&self, other: &VoxelBox) -> Option<VoxelBox> {
+        let low = [0, 1, 2].map(|a: usize| self.low[a].max(other.low[a]));
+        let high = [0, 1, 2].map(|a: usize| self.high[a].min(other.high[a]));
+        Some(VoxelBox { low, high }).filter(VoxelBox::is_ordered)
+    }
+
     /// Returns the box with these lowest and highest coordinates; the axes may come in any order.
     #[inline(always)]
     pub(crate) fn from_sides(sides: [(Axis, [u16; 2]); 3]) -> VoxelBox {

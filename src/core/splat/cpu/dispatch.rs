@@ -23,18 +23,18 @@ use crate::traverse::Batch;
 /// Defines a function whose body is compiled for two instruction sets. Its first argument selects one; without the
 /// processor's support for it, the simpler one runs.
 macro_rules! with_avx2 {
-    ($(#[$doc:meta])* $vis:vis fn $name:ident$(<$blend:ident>)?($($arg:ident: $kind:ty),* $(,)?) -> u64 $body:block) => {
+    ($(#[$doc:meta])* $vis:vis fn $name:ident$(<$blend:ident>)?($($arg:ident: $kind:ty),* $(,)?) $(-> $out:ty)? $body:block) => {
         $(#[$doc])*
-        $vis fn $name$(<$blend: Blend>)?(code: Code, $($arg: $kind),*) -> u64 {
+        $vis fn $name$(<$blend: Blend>)?(code: Code, $($arg: $kind),*) $(-> $out)? {
             #[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
-            fn avx2$(<$blend: Blend>)?($($arg: $kind),*) -> u64 {
+            fn avx2$(<$blend: Blend>)?($($arg: $kind),*) $(-> $out)? {
                 match_target! {
                     "x86_64+avx+avx2" => $body,
                     _ => portable$(::<$blend>)?($($arg),*),
                 }
             }
 
-            fn portable$(<$blend: Blend>)?($($arg: $kind),*) -> u64 $body
+            fn portable$(<$blend: Blend>)?($($arg: $kind),*) $(-> $out)? $body
 
             match code {
                 Code::Best | Code::Avx2 => avx2$(::<$blend>)?($($arg),*),
@@ -47,13 +47,13 @@ macro_rules! with_avx2 {
 /// Does the same for three instruction sets. For bodies that are mostly arithmetic: looking values up and counting take up to
 /// 1.5 times as long with AVX-512, because a compiler then gathers values and takes masks apart, bit by bit.
 macro_rules! with_avx512 {
-    ($(#[$doc:meta])* $vis:vis fn $name:ident$(<$blend:ident>)?($($arg:ident: $kind:ty),* $(,)?) -> u64 $body:block) => {
+    ($(#[$doc:meta])* $vis:vis fn $name:ident$(<$blend:ident>)?($($arg:ident: $kind:ty),* $(,)?) $(-> $out:ty)? $body:block) => {
         $(#[$doc])*
-        $vis fn $name$(<$blend: Blend>)?(code: Code, $($arg: $kind),*) -> u64 {
-            with_avx2! { fn narrow$(<$blend>)?($($arg: $kind),*) -> u64 $body }
+        $vis fn $name$(<$blend: Blend>)?(code: Code, $($arg: $kind),*) $(-> $out)? {
+            with_avx2! { fn narrow$(<$blend>)?($($arg: $kind),*) $(-> $out)? $body }
 
             #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq"), dispatcher = "direct")]
-            fn wide$(<$blend: Blend>)?($($arg: $kind),*) -> u64 {
+            fn wide$(<$blend: Blend>)?($($arg: $kind),*) $(-> $out)? {
                 match_target! {
                     "x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq" => $body,
                     _ => narrow$(::<$blend>)?(Code::Avx2, $($arg),*),
@@ -69,10 +69,9 @@ macro_rules! with_avx512 {
 }
 
 with_avx2! {
-    /// Runs [`Projector::project_block`]; returns how many splats are to be drawn.
-    pub fn project_block(projector: &Projector, voxels: &VoxelBlock, splats: &mut Splats, tiles: &TileBuffer) -> u64 {
+    /// Runs [`Projector::project_block`].
+    pub fn project_block(projector: &Projector, voxels: &VoxelBlock, splats: &mut Splats, tiles: &TileBuffer) {
         projector.project_block(voxels, splats, tiles);
-        splats.count as u64
     }
 }
 
@@ -100,38 +99,34 @@ with_avx512! {
 }
 
 with_avx2! {
-    /// Runs [`Band::visit`]; returns 0, as do the functions below.
-    pub(super) fn visit_lattice<B>(projector: &Projector, band: &mut Band<B>, batch: &Batch) -> u64 {
+    /// Runs [`Band::visit`].
+    pub(super) fn visit_lattice<B>(projector: &Projector, band: &mut Band<B>, batch: &Batch) {
         band.visit(projector, batch);
-        0
     }
 }
 
 with_avx2! {
     /// Runs [`Band::flush`].
-    pub(super) fn flush_lattice<B>(projector: &Projector, band: &mut Band<B>) -> u64 {
+    pub(super) fn flush_lattice<B>(projector: &Projector, band: &mut Band<B>) {
         band.flush(projector);
-        0
     }
 }
 
 with_avx2! {
     /// Runs [`Projector::colour`] for all voxels of a block.
-    pub(super) fn colour(projector: &Projector, voxels: &VoxelBlock, looks: &mut [Look]) -> u64 {
+    pub(super) fn colour(projector: &Projector, voxels: &VoxelBlock, looks: &mut [Look]) {
         let mut all = [0; BLOCK];
         for j in 0..BLOCK {
             all[j] = j as u8;
         }
         projector.colour(voxels, &all[..voxels.count.min(BLOCK)], looks);
-        0
     }
 }
 
 with_avx512! {
     /// Runs [`Band::take_all`].
-    pub(super) fn take_all<B>(projector: &Projector, band: &mut Band<B>) -> u64 {
+    pub(super) fn take_all<B>(projector: &Projector, band: &mut Band<B>) {
         band.take_all(projector);
-        0
     }
 }
 

@@ -35,8 +35,13 @@ const MAX_STACKS: u64 = 256;
 /// Returns the largest peak that a splat of optical depth 1 can have on the picture's pixels.
 pub(super) fn strongest(setup: &FrameSetup, table: &Table) -> f64 {
     match setup.view.map {
-        PixelMap::Parallel { .. } => Projector::new(setup, table, 0.0).strength.into(),
-        // This assumes the strongest splats: the view runs along the longest spacing, and footprints are not widened.
+        PixelMap::Parallel { .. } => {
+            let projector = Projector::new(setup, table, 0.0);
+            // Narrower kernels have higher peaks.
+            let of_shapes = projector.shapes.iter().flat_map(|shapes| shapes.iter()).map(|(_, strength)| *strength);
+            of_shapes.fold(projector.strength, f32::max).into()
+        }
+        // The largest one of voxels that are visible as a whole: the view runs along the longest spacing, and footprints are not widened.
         PixelMap::Perspective { .. } => {
             setup.view.steps.into_iter().fold(0.0, f64::max) * f64::from(setup.kernel.normalisation())
                 / f64::from(setup.kernel.sigma).powi(2)
@@ -69,12 +74,8 @@ pub(super) fn stacks(
     if table.reaches(FAINT / strongest) {
         return None;
     }
-    let (mut low, mut high) = setup.lane.bounds()?;
-    let crop = setup.clip.crop;
-    (0..3).for_each(|a| (low[a], high[a]) = (low[a].max(crop.low[a]), high[a].min(crop.high[a])));
-    if (0..3).any(|a| low[a] > high[a]) {
-        return None;
-    }
+    let (low, high) = setup.lane.bounds()?;
+    let VoxelBox { low, high } = setup.clip.crop.and(&VoxelBox { low, high })?;
     // The thickness of a stack is a multiple of eight slices, the thickness of a tile.
     let (first_slice, last_slice) = (u64::from(low[slow]), u64::from(high[slow]));
     let tile_start = first_slice / 8 * 8;
@@ -101,7 +102,7 @@ pub(super) fn draw(
     settings: &Settings,
     stacks: &[VoxelBox],
 ) -> Result<(Frame, BandStats)> {
-    let mut frame = Frame::transparent(settings.size)?;
+    let mut frame = Frame::transparent(setup.view.size)?;
     let mut stats = BandStats::default();
     for stack in stacks {
         setup.clip.crop = *stack;
@@ -110,7 +111,7 @@ pub(super) fn draw(
             Sense::FrontToBack => scatter::draw::<FaintFrontToBack>(&task)?,
             Sense::BackToFront => scatter::draw::<FaintBackToFront>(&task)?,
         };
-        combine(&bands, settings, &mut frame, |pixel, stack| {
+        combine(&bands, settings.threads, &mut frame, |pixel, stack| {
             let (front, behind) = match settings.sense {
                 Sense::FrontToBack => (*pixel, stack),
                 Sense::BackToFront => (stack, *pixel),

@@ -9,7 +9,6 @@ use crate::classify::normal::{self, Coherence};
 use crate::splat::arith::at_least;
 use crate::splat::composite::Look;
 use crate::splat::shade::Lights;
-use crate::splat::view::PixelMap;
 
 impl Projector<'_> {
     /// Computes the looks, with light, of the voxels of a block whose numbers are in `kept`.
@@ -79,7 +78,7 @@ impl Projector<'_> {
 
     /// Returns the x, y and z components of the unit normals of the first `count` codes.
     #[inline(always)]
-    fn normals(&self, codes: &[u32; BLOCK], count: usize) -> [[f32; BLOCK]; 3] {
+    pub(super) fn normals(&self, codes: &[u32; BLOCK], count: usize) -> [[f32; BLOCK]; 3] {
         let mut normals = [[0.0f32; BLOCK]; 3];
         if self.lane.channels.normal_bits == 8 {
             for from in (0..count.min(BLOCK)).step_by(VECTOR_WIDTH) {
@@ -111,7 +110,7 @@ impl Projector<'_> {
         looks: &mut [Look],
     ) {
         let count = kept.len().min(BLOCK);
-        let mut shades = if let PixelMap::Parallel { .. } = self.map {
+        let mut shades = if !self.is_perspective() {
             shade(lights, normals, count, |_| lights.eye.map(|component| [component; VECTOR_WIDTH]))
         } else {
             let [s, m, f] = self.slow_medium_fast;
@@ -147,7 +146,7 @@ impl Projector<'_> {
 
 /// Returns [`Lights::shade`] of the first `count` voxels of a block; `eye` returns the unit vectors to the eye of one chunk of them.
 #[inline(always)]
-fn shade(
+pub(super) fn shade(
     lights: &Lights,
     normals: &[[f32; BLOCK]; 3],
     count: usize,

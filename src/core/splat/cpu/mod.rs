@@ -66,29 +66,44 @@ use crate::traverse::{Order, Sense, VoxelBox};
 /// settings' stop is requested; the error of [`Lanes::lane`](super::Lanes::lane) if that fails.
 pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
     let start = Instant::now();
+    let (frame, work) = draw_parts(scene, camera, settings)?;
+    let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
+    let stats = Stats {
+        splats_drawn: work.drawn,
+        splats_skipped: work.visited - work.drawn,
+        bands: work.bands,
+        frame_ms: milliseconds(start.elapsed()),
+        walk_ms: milliseconds(work.walking),
+        draw_ms: milliseconds(work.drawing),
+    };
+    Ok((frame, stats))
+}
+
+/// Draws the parts of a scene, each from the level of detail that the view chooses for it.
+fn draw_parts(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Frame, BandStats)> {
     let parts = level_parts(scene, camera, settings)?;
     if matches!(parts[..], [LevelPart { level: 0, crop }] if crop == settings.crop) {
-        return draw_scene(scene, camera, settings, None, start);
+        return draw_scene(scene, camera, settings, None);
     }
     let finer = finer_for(scene, &parts, camera, settings)?;
     let as_asked = || (*camera, settings.clone());
     let (camera, drawn) = finer.map_or_else(as_asked, |finer| finer.of_samples(camera, settings));
-    let (mut picture, mut stats) = (None::<Frame>, Stats::default());
+    let (mut picture, mut work) = (None::<Frame>, BandStats::default());
     for part in parts {
         let level = part.scene(scene)?;
         let in_front = picture.as_ref().filter(|_| settings.sense == Sense::FrontToBack);
         let front = in_front.map(|picture| Front::new(picture, settings.termination())).transpose()?;
-        let (behind, work) =
-            draw_scene(&level.scene(), &camera, &part.settings(scene, &drawn), front.as_ref(), Instant::now())?;
+        let settings = part.settings(scene, &drawn);
+        let (behind, part_work) = draw_scene(&level.scene(), &camera, &settings, front.as_ref())?;
         match &mut picture {
             None => picture = Some(behind),
             Some(picture) => picture.put_behind(&behind, settings.mode),
         }
-        stats.add(&work);
+        work.add(&part_work);
     }
     let picture = picture.map_or_else(|| Frame::transparent(drawn.size), Ok)?;
     let picture = if let Some(finer) = finer { finer.picture(&picture, settings.threads)? } else { picture };
-    Ok((picture, stats))
+    Ok((picture, work))
 }
 
 /// Returns on which samples to composite parts of several levels; `None` on the picture's pixels.
@@ -104,8 +119,8 @@ fn finer_for(
     let finest = parts.iter().min_by_key(|part| part.level).filter(|_| parts.len() > 1);
     let Some(finest) = finest else { return Ok(None) };
     let grid = &facts_of(scene, finest.level).grid;
-    let all = VoxelBox { low: [0; 3], high: grid.dims.map(|points| (points - 1) as u16) };
-    let (finer, _) = Supersampling::of(grid, Some(all), camera, &finest.settings(scene, settings))?;
+    let all = Some(VoxelBox::of_dims(grid.dims));
+    let (finer, _) = Supersampling::of(grid, all, camera, &finest.settings(scene, settings))?;
     Ok(finer.filter(|finer| finer.samples() <= MIXED_SAMPLES))
 }
 
@@ -115,8 +130,7 @@ fn draw_scene(
     camera: &Camera,
     settings: &Settings,
     front: Option<&Front>,
-    start: Instant,
-) -> Result<(Frame, Stats)> {
+) -> Result<(Frame, BandStats)> {
     let mut setup = FrameSetup::new(scene, camera, settings)?;
     setup.lane.at_hand()?;
     let table = Table::new(scene, &setup.lane, settings, setup.view.mean_voxel)?;
@@ -132,7 +146,7 @@ fn draw_scene(
     });
     // Faint scenes are drawn in stacks, on the picture's own pixels. Splats are fainter there than on a lattice if voxels are small.
     let is_faint = |lattice: &Lattice| {
-        let strongest = lattice.strength().map_or_else(|| faint::strongest(&setup, &table), f64::from);
+        let strongest = lattice.strongest().map_or_else(|| faint::strongest(&setup, &table), f64::from);
         faint::stacks(scene, &setup, &table, settings, strongest).is_some()
     };
     let sample_grid =
@@ -142,16 +156,15 @@ fn draw_scene(
         _ => None,
     };
     setup.low_pass = bounds.map_or(LOW_PASS, |bounds| splat_low_pass(&setup.view, &bounds, settings, supersampling));
-    let draw = |view: View, front: Option<&Front>| {
-        let settings = &Settings { size: view.size, ..settings.clone() };
-        let mut setup = FrameSetup { view, ..setup.clone() };
-        match faint::stacks(scene, &setup, &table, settings, faint::strongest(&setup, &table)) {
+    let draw = |mut setup: FrameSetup, front: Option<&Front>| {
+        let stacks = faint::stacks(scene, &setup, &table, settings, faint::strongest(&setup, &table));
+        match stacks {
             Some(stacks) => faint::draw(&mut setup, &table, settings, &stacks),
             None => draw_in_mode(&setup, &table, settings, front),
         }
     };
     let (frame, work) = match sample_grid {
-        None => draw(setup.view.clone(), front)?,
+        None => draw(setup, front)?,
         Some(SampleGrid::Lattice(lattice)) => {
             let draw = if settings.mode == Mode::Additive { warped::<Additive> } else { warped::<FrontToBack> };
             draw(&setup, &table, settings, front, &lattice)?
@@ -165,7 +178,7 @@ fn draw_scene(
                 if bounds.is_some_and(|bounds| pixels(&setup.view, half_widths, rect, &bounds).is_none()) {
                     continue;
                 }
-                let (drawn, strip_work) = draw(setup.view, None)?;
+                let (drawn, strip_work) = draw(setup, None)?;
                 settings.check_stop()?;
                 supersampling.reduce(&drawn, &strip, settings.threads, &mut picture);
                 work.add(&strip_work);
@@ -174,16 +187,7 @@ fn draw_scene(
         }
     };
     settings.check_stop()?;
-    let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
-    let stats = Stats {
-        splats_drawn: work.drawn,
-        splats_skipped: work.visited - work.drawn,
-        bands: work.bands,
-        frame_ms: milliseconds(start.elapsed()),
-        walk_ms: milliseconds(work.walking),
-        draw_ms: milliseconds(work.drawing),
-    };
-    Ok((frame, stats))
+    Ok((frame, work))
 }
 
 /// Where samples are drawn that are not the picture's pixels; the picture is then computed from them.
@@ -270,7 +274,7 @@ fn blended<B: Blend>(
     front: Option<&Front>,
 ) -> Result<(Frame, BandStats)> {
     let bands = scatter::draw::<B>(&DrawTask { front, ..DrawTask::new::<B>(setup, table, settings) })?;
-    assemble(&bands, settings, table)
+    assemble(&bands, setup.view.size, settings.threads, table)
 }
 
 /// Marks the records that a view shows. A record is shown if, at any pixel of its footprint, the transmittance in front

@@ -6,20 +6,20 @@
 
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
 use super::lattice::{Footprints, Lattice, TileRays};
-use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pixel_span, slant, widened};
+use super::project::{Projector, affine_at, limited, nearest_pixel, pixel_span, slant};
 use super::scatter::maximum::{MaximumRays, advance};
 use super::splats::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, combine, full_rect};
-use super::tile_buffer::{Rect, TILE_SHIFT, TileBuffer};
+use super::tile_buffer::{Rect, TILE_SHIFT, TileBuffer, index_in_tile};
 use super::warp::halved;
 use crate::arena::layout::Channels;
 use crate::classify::normal::{self, Coherence};
 use crate::error::Result;
+use crate::splat::Frame;
 use crate::splat::arith::at_least;
-use crate::splat::kernel::{Ellipse, footprint};
+use crate::splat::kernel::{Ellipse, footprint, jacobian, widened};
 use crate::splat::near::{EyeRays, NearKernel};
 use crate::splat::view::{Affine, PixelMap, single};
-use crate::splat::{Frame, Settings};
 use crate::traverse::Batch;
 
 /// Draws the whole picture.
@@ -109,13 +109,13 @@ pub(super) fn draw_on_lattice<B: Blend>(
                 if !shown[tile[1] as usize * columns + tile[0] as usize] {
                     continue;
                 }
-                let rays = match lattice.is_displaced() {
-                    true => TileRays::new(tile, lattice.kernels(tile)[shape]),
-                    false => lattice.tile(tile),
+                let rays = match projector.is_on_grid() {
+                    true => lattice.tile(tile),
+                    false => TileRays::new(tile, lattice.kernels(tile)[shape]),
                 };
                 let weight = match footprint {
                     Some((footprints, at)) => footprints.weight(at, code, [x, y]),
-                    None => rays.weights(&place, projector.cut)[((y & 3) << TILE_SHIFT | (x & 3)) as usize],
+                    None => rays.weights(&place, projector.cut)[index_in_tile(x, y)],
                 };
                 let peak = limited(depth, rays.strength());
                 if peak <= 0.0 {
@@ -127,15 +127,15 @@ pub(super) fn draw_on_lattice<B: Blend>(
         }
         is_drawn
     });
-    let settings = &Settings { size: lattice.size, ..task.settings.clone() };
+    let threads = task.settings.threads;
     let bands = [BandResult { tiles, stats }];
     let transmits = B::INITIAL_ALPHA > 0.0;
     let mut frame = Frame::transparent(lattice.size)?;
-    combine(&bands, settings, &mut frame, |pixel, [red, green, blue, alpha]| {
+    combine(&bands, threads, &mut frame, |pixel, [red, green, blue, alpha]| {
         *pixel = [red, green, blue, if transmits { 1.0 - alpha } else { alpha }];
     });
     let halves = lattice.halves();
-    let kept = if halves == [false; 2] { frame } else { halved(&frame, halves, settings.threads)? };
+    let kept = if halves == [false; 2] { frame } else { halved(&frame, halves, threads)? };
     Ok((kept, BandStats::of(&bands)))
 }
 
@@ -289,9 +289,7 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize,
             let is_far = t2 >= *far;
             if !is_far {
                 let rays = projector.rays.as_ref()?;
-                let mut voxel = [0.0; 3];
-                projector.slow_medium_fast.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
-                let kernel = rays.kernel(voxel, t2)?;
+                let kernel = rays.kernel(projector.unnested(position), t2)?;
                 return (depth > 0.0).then_some(Splat::Near { rays, kernel, depth });
             }
             let inverse_depth = 1.0 / t2;
@@ -316,14 +314,13 @@ fn lit_colour(projector: &Projector, voxel: [u16; 3], record: usize, colour: [f3
     let code = projector.lane.normal_code(record);
     let Channels { normal_bits, coherence: has_coherence, .. } = projector.lane.channels;
     let normal = normal::decode(code, normal_bits);
-    let eye = match projector.map {
-        PixelMap::Parallel { .. } => lights.eye,
-        PixelMap::Perspective { .. } => {
-            let toward: [f32; 3] = std::array::from_fn(|a| projector.eye[a] - projector.steps[a] * f32::from(voxel[a]));
-            let [x, y, z] = toward;
-            let length = at_least(x * x + y * y + z * z, f32::MIN_POSITIVE).sqrt();
-            toward.map(|c| c / length)
-        }
+    let eye = if projector.is_perspective() {
+        let toward: [f32; 3] = std::array::from_fn(|a| projector.eye[a] - projector.steps[a] * f32::from(voxel[a]));
+        let [x, y, z] = toward;
+        let length = at_least(x * x + y * y + z * z, f32::MIN_POSITIVE).sqrt();
+        toward.map(|c| c / length)
+    } else {
+        lights.eye
     };
     let [[factor], [highlight]] =
         lights.shade([&[normal[0]], &[normal[1]], &[normal[2]]], &eye.map(|component| [component]));

@@ -12,7 +12,7 @@
 //!
 //! Centres are computed in double precision, so that a picture of 16,384 pixels is as exact as a small one.
 
-use super::splats::{Extents, SplatPlaces, Splats};
+use super::splats::{SplatPlaces, Splats};
 use super::tile_buffer::{Rect, TileBuffer};
 use super::voxel_block::{BLOCK, Coordinates, Displaced, VoxelBlock};
 use crate::arena::visible::MAX_DEPTH;
@@ -21,7 +21,7 @@ use crate::splat::arith::{LOG2_E, at_most, keep_if};
 use crate::splat::block_kernel::{SHAPES, Widths, shape};
 use crate::splat::clip::{ClipRegion, IndexPlane};
 use crate::splat::composite::Table;
-use crate::splat::kernel::{Ellipse, Footprint, footprint};
+use crate::splat::kernel::{Ellipse, Footprint, footprint, jacobian, widened};
 use crate::splat::near::EyeRays;
 use crate::splat::setup::FrameSetup;
 use crate::splat::shade::Lights;
@@ -137,6 +137,7 @@ impl<'a> Projector<'a> {
     }
 
     /// Returns whether the view is a perspective.
+    #[inline(always)]
     pub fn is_perspective(&self) -> bool {
         self.rays.is_some()
     }
@@ -301,9 +302,7 @@ impl<'a> Projector<'a> {
             if is_far {
                 continue;
             }
-            let mut voxel = [0.0; 3];
-            self.slow_medium_fast.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
-            if let Some(kernel) = view.kernel(voxel, depth) {
+            if let Some(kernel) = view.kernel(self.unnested(position), depth) {
                 for (extents, [low, high]) in [(&mut places.x, kernel.columns), (&mut places.y, kernel.rows)] {
                     (extents.nearest[j], extents.low[j], extents.high[j]) = (low, low, high);
                 }
@@ -322,8 +321,8 @@ impl<'a> Projector<'a> {
 
     /// Returns the coordinates x, y, z of a voxel from those along the slow, medium and fast axis.
     #[inline(always)]
-    pub(super) fn unnested(&self, nested: [u16; 3]) -> [u16; 3] {
-        let mut voxel = [0; 3];
+    pub(super) fn unnested<T: Copy + Default>(&self, nested: [T; 3]) -> [T; 3] {
+        let mut voxel = [T::default(); 3];
         for (axis, coordinate) in self.slow_medium_fast.into_iter().zip(nested) {
             voxel[axis] = coordinate;
         }
@@ -367,91 +366,16 @@ impl<'a> Projector<'a> {
 /// How many voxels are computed at once, in local arrays, which the compiler knows not to overlap with other arrays.
 pub(super) const VECTOR_WIDTH: usize = 16;
 
-impl SplatPlaces<VECTOR_WIDTH> {
-    /// Sets splat `j`, whose centre is at a column and a row.
-    #[inline(always)]
-    fn set(&mut self, j: usize, [column, row]: [f64; 2], ellipse: &Ellipse, strength: f32) {
-        self.x.set(j, nearest_pixel(column), ellipse.half_x);
-        self.y.set(j, nearest_pixel(row), ellipse.half_y);
-        (self.ellipses[0][j], self.ellipses[1][j], self.ellipses[2][j]) =
-            (ellipse.u_factor, ellipse.y_factor, ellipse.shear);
-        self.strength[j] = strength;
-    }
-
-    /// Copies all values into a block's arrays, starting at index `from`.
-    #[inline(always)]
-    fn copy_to(&self, from: usize, out: &mut SplatPlaces<BLOCK>) {
-        for (out, part) in [(&mut out.x, &self.x), (&mut out.y, &self.y)] {
-            out.nearest[from..from + VECTOR_WIDTH].copy_from_slice(&part.nearest);
-            out.offset[from..from + VECTOR_WIDTH].copy_from_slice(&part.offset);
-            out.low[from..from + VECTOR_WIDTH].copy_from_slice(&part.low);
-            out.high[from..from + VECTOR_WIDTH].copy_from_slice(&part.high);
-        }
-        for (out, part) in out.ellipses.iter_mut().zip(&self.ellipses) {
-            out[from..from + VECTOR_WIDTH].copy_from_slice(part);
-        }
-        out.strength[from..from + VECTOR_WIDTH].copy_from_slice(&self.strength);
-        out.on_rays[from..from + VECTOR_WIDTH].copy_from_slice(&self.on_rays);
-    }
-}
-
-impl<const N: usize> Extents<N> {
-    /// Sets the centre and box of voxel `j` in x or y. The box reaches `half_width` pixels to both sides of the centre.
-    #[inline(always)]
-    fn set(&mut self, j: usize, centre: (i32, f32), half_width: f32) {
-        (self.nearest[j], self.offset[j]) = centre;
-        (self.low[j], self.high[j]) = pixel_span(centre, half_width);
-    }
-}
-
 /// Applies an affine map to a voxel. Its factors and the coordinates are in the order slow, medium, fast.
 #[inline(always)]
 pub(super) fn affine_at(map: &Affine, [slow, medium, fast]: [f64; 3]) -> f64 {
     (map[3] + map[0] * slow) + map[1] * medium + map[2] * fast
 }
 
-impl Splats {
-    /// Turns each kept splat's optical depth per mean spacing into that at the splat's centre; on rays, that divided by the ray's
-    /// stretch. That of a voxel near the eye stays.
-    #[inline(always)]
-    pub fn apply_strengths(&mut self) {
-        for k in 0..self.count {
-            let j = usize::from(self.kept[k]) % BLOCK;
-            let strength = self.places.strength[j];
-            if self.places.on_rays[j] {
-                self.looks[k][3] *= strength;
-            } else if self.near(j).is_none() {
-                self.looks[k][3] = limited(self.looks[k][3], strength);
-            }
-        }
-    }
-}
-
 /// Returns the optical depth at a splat's centre, for a voxel of this depth and a splat of this strength.
 #[inline(always)]
 pub(super) fn limited(depth: f32, strength: f32) -> f32 {
     at_most(depth * strength, MAX_DEPTH as f32 * LOG2_E)
-}
-
-/// Returns by how many columns (first row of the result) and rows (second row) a voxel's footprint moves per voxel
-/// along each axis, at the ray with tangents `tan_x` and `tan_y`.
-///
-/// `steps`: how far the next voxel on each axis lies to the right, up and forward; `scale`: pixels per mean spacing.
-#[inline(always)]
-pub(in super::super) fn jacobian(steps: &[[f32; 3]; 3], tan_x: f32, tan_y: f32, scale: f32) -> [[f32; 3]; 2] {
-    let [right, up, forward] = steps;
-    let mut rows = [[0.0; 3]; 2];
-    for a in 0..3 {
-        rows[0][a] = scale * (right[a] - tan_x * forward[a]);
-        rows[1][a] = scale * (tan_y * forward[a] - up[a]);
-    }
-    rows
-}
-
-/// Returns the Jacobian `rows` of a voxel whose kernel has these widths along the axes.
-#[inline(always)]
-pub(in super::super) fn widened(rows: [[f32; 3]; 2], widths: [f32; 3]) -> [[f32; 3]; 2] {
-    rows.map(|[x, y, z]| [x * widths[0], y * widths[1], z * widths[2]])
 }
 
 /// Returns the length of a ray divided by its length along the view axis. In the world, the area of a pixel

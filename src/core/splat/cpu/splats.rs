@@ -8,6 +8,7 @@
 //! For a splat on rays (`Footprint::in_perspective`) these are the numbers of a ray of length and stretch 1: at a pixel, q is multiplied
 //! by its ray's `per_square`, the peak by its `stretch`, and the cut-off is that of the product.
 
+use super::project::{VECTOR_WIDTH, limited, nearest_pixel, pixel_span};
 use super::tile_buffer::{COLUMN, ROW, Rect, TILE_PIXELS, TILE_SHIFT};
 use super::voxel_block::BLOCK;
 use crate::splat::arith::{at_least, at_most, exp2_neg, keep_if};
@@ -38,6 +39,13 @@ impl<const N: usize> Extents<N> {
     fn clipped(&self, j: usize, low: i32, high: i32) -> [i32; 2] {
         [self.low[j].max(low), self.high[j].min(high - 1)]
     }
+
+    /// Sets the centre and box of voxel `j` in x or y. The box reaches `half_width` pixels to both sides of the centre.
+    #[inline(always)]
+    fn set(&mut self, j: usize, centre: (i32, f32), half_width: f32) {
+        (self.nearest[j], self.offset[j]) = centre;
+        (self.low[j], self.high[j]) = pixel_span(centre, half_width);
+    }
 }
 
 /// The places of splats: centres, boxes, ellipses and strengths.
@@ -62,6 +70,34 @@ impl<const N: usize> SplatPlaces<N> {
             strength: [0.0; N],
             on_rays: [false; N],
         }
+    }
+}
+
+impl SplatPlaces<VECTOR_WIDTH> {
+    /// Sets splat `j`, whose centre is at a column and a row.
+    #[inline(always)]
+    pub(super) fn set(&mut self, j: usize, [column, row]: [f64; 2], ellipse: &Ellipse, strength: f32) {
+        self.x.set(j, nearest_pixel(column), ellipse.half_x);
+        self.y.set(j, nearest_pixel(row), ellipse.half_y);
+        (self.ellipses[0][j], self.ellipses[1][j], self.ellipses[2][j]) =
+            (ellipse.u_factor, ellipse.y_factor, ellipse.shear);
+        self.strength[j] = strength;
+    }
+
+    /// Copies all values into a block's arrays, starting at index `from`.
+    #[inline(always)]
+    pub(super) fn copy_to(&self, from: usize, out: &mut SplatPlaces<BLOCK>) {
+        for (out, part) in [(&mut out.x, &self.x), (&mut out.y, &self.y)] {
+            out.nearest[from..from + VECTOR_WIDTH].copy_from_slice(&part.nearest);
+            out.offset[from..from + VECTOR_WIDTH].copy_from_slice(&part.offset);
+            out.low[from..from + VECTOR_WIDTH].copy_from_slice(&part.low);
+            out.high[from..from + VECTOR_WIDTH].copy_from_slice(&part.high);
+        }
+        for (out, part) in out.ellipses.iter_mut().zip(&self.ellipses) {
+            out[from..from + VECTOR_WIDTH].copy_from_slice(part);
+        }
+        out.strength[from..from + VECTOR_WIDTH].copy_from_slice(&self.strength);
+        out.on_rays[from..from + VECTOR_WIDTH].copy_from_slice(&self.on_rays);
     }
 }
 
@@ -97,11 +133,13 @@ impl Splats {
         (self.places.x.clipped(j, rect.x0, rect.x1), self.places.y.clipped(j, rect.y0, rect.y1))
     }
 
-    /// Returns the ellipse of splat `j`, without its box.
+    /// Returns the kernel of splat `j`, without its box, with this exponent at the cut-off and this peak.
     #[inline(always)]
-    pub(super) fn ellipse(&self, j: usize) -> Ellipse {
-        let [u_factor, y_factor, shear] = self.places.ellipses.each_ref().map(|factors| factors[j]);
-        Ellipse { u_factor, y_factor, shear, ..Ellipse::default() }
+    pub(super) fn kernel(&self, j: usize, cut: f32, peak: f32) -> SplatKernel {
+        let SplatPlaces { x, y, ellipses, .. } = &self.places;
+        let centre = Centre { x: x.nearest[j], y: y.nearest[j], offset_x: x.offset[j], offset_y: y.offset[j] };
+        let [u_factor, y_factor, shear] = ellipses.each_ref().map(|factors| factors[j]);
+        SplatKernel { centre, ellipse: Ellipse { u_factor, y_factor, shear, ..Ellipse::default() }, cut, peak }
     }
 
     /// Returns the kernel of voxel `j` if it is near the eye.
@@ -117,10 +155,19 @@ impl Splats {
         self.places.on_rays[j]
     }
 
+    /// Turns each kept splat's optical depth per mean spacing into that at the splat's centre; on rays, that divided by the ray's
+    /// stretch. That of a voxel near the eye stays.
     #[inline(always)]
-    pub(super) fn centre(&self, j: usize) -> Centre {
-        let SplatPlaces { x, y, .. } = &self.places;
-        Centre { x: x.nearest[j], y: y.nearest[j], offset_x: x.offset[j], offset_y: y.offset[j] }
+    pub fn apply_strengths(&mut self) {
+        for k in 0..self.count {
+            let j = usize::from(self.kept[k]) % BLOCK;
+            let strength = self.places.strength[j];
+            if self.places.on_rays[j] {
+                self.looks[k][3] *= strength;
+            } else if self.near(j).is_none() {
+                self.looks[k][3] = limited(self.looks[k][3], strength);
+            }
+        }
     }
 }
 
@@ -152,6 +199,9 @@ pub(super) struct RowTerms {
     exponent: [f32; TILE_PIXELS],
 }
 
+/// The `per_square` and `stretch` of rays that change nothing.
+pub(super) const AFFINE: [f32; 2] = [1.0, 1.0];
+
 impl SplatKernel {
     /// Returns the optical depth at a pixel, in units of ln 2; `rays` if the splat is on rays.
     pub(super) fn depth(&self, x: i32, y: i32, rays: Option<&EyeRays>) -> f32 {
@@ -159,9 +209,9 @@ impl SplatKernel {
         let first_row = ((y & !3) - self.centre.y) as f32;
         let (distance, exponent) = self.terms(root, first_row, (x & 3) as f32, (y & 3) as f32);
         let first_column = ((x & !3) - self.centre.x) as f32 * root;
-        let Some(rays) = rays else { return self.depth_at(first_column, distance, exponent) };
-        let RayLengths { per_square: [per_square], stretch: [stretch] } = rays.lengths([x], [y]);
-        self.depth_on_ray(first_column, distance, exponent, [per_square, stretch])
+        let lengths = rays.map(|rays| rays.lengths([x], [y]));
+        let lengths = lengths.map_or(AFFINE, |RayLengths { per_square, stretch }| [per_square[0], stretch[0]]);
+        self.depth_on_ray(first_column, distance, exponent, lengths)
     }
 
     /// Returns the two values of [`RowTerms`] for the pixel at `column` and `row` of a tile whose first row is
@@ -173,19 +223,12 @@ impl SplatKernel {
         (root * distance, self.ellipse.y_factor * (dy * dy))
     }
 
-    #[inline(always)]
-    fn depth_at(&self, first_column: f32, distance: f32, exponent: f32) -> f32 {
-        let u = first_column + distance;
-        let q = u * u + exponent;
-        // Far outside the ellipse the exponential is meaningless, and `keep_if` replaces it by 0.
-        keep_if(q <= self.cut, self.peak * exp2_neg(q))
-    }
-
-    /// Returns the optical depth on a ray.
+    /// Returns the optical depth on a ray of this `per_square` and `stretch`.
     #[inline(always)]
     fn depth_on_ray(&self, first_column: f32, distance: f32, exponent: f32, [per_square, stretch]: [f32; 2]) -> f32 {
         let u = first_column + distance;
         let q = (u * u + exponent) * per_square;
+        // Far outside the ellipse the exponential is meaningless, and `keep_if` replaces it by 0.
         keep_if(q <= self.cut, ray_depth(self.peak, stretch) * exp2_neg(q))
     }
 
@@ -199,31 +242,20 @@ impl SplatKernel {
         terms
     }
 
-    /// Returns the optical depths at the pixels of a tile.
+    /// Returns the optical depths at the pixels of a tile; `lengths` returns the `per_square` and `stretch` of a pixel's ray,
+    /// [`AFFINE`] if the splat is not on rays.
     #[inline(always)]
-    pub(super) fn depths(&self, root: f32, tile_row: &RowTerms, column: i32) -> [f32; TILE_PIXELS] {
-        let first_column = ((column << TILE_SHIFT) - self.centre.x) as f32 * root;
-        let mut depths = [0.0; TILE_PIXELS];
-        for i in 0..TILE_PIXELS {
-            depths[i] = self.depth_at(first_column, tile_row.distance[i], tile_row.exponent[i]);
-        }
-        depths
-    }
-
-    /// Returns the optical depths of a splat that is on rays.
-    #[inline(always)]
-    pub(super) fn depths_on_rays(
+    pub(super) fn depths(
         &self,
         root: f32,
         tile_row: &RowTerms,
         column: i32,
-        lengths: &RayLengths<TILE_PIXELS>,
+        lengths: impl Fn(usize) -> [f32; 2],
     ) -> [f32; TILE_PIXELS] {
         let first_column = ((column << TILE_SHIFT) - self.centre.x) as f32 * root;
         let mut depths = [0.0; TILE_PIXELS];
         for i in 0..TILE_PIXELS {
-            let lengths = [lengths.per_square[i], lengths.stretch[i]];
-            depths[i] = self.depth_on_ray(first_column, tile_row.distance[i], tile_row.exponent[i], lengths);
+            depths[i] = self.depth_on_ray(first_column, tile_row.distance[i], tile_row.exponent[i], lengths(i));
         }
         depths
     }

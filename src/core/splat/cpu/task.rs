@@ -162,25 +162,25 @@ pub(super) fn pixels(view: &View, half_widths: [f64; 2], rect: Rect, bounds: &Vo
     })
 }
 
-/// Makes a frame from drawn bands; `table` turns a band's values into a pixel's colour and opacity. Also returns the
+/// Makes a frame of `size` from drawn bands; `table` turns a band's values into a pixel's colour and opacity. Also returns the
 /// bands' total work.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
-pub fn assemble(bands: &[BandResult], settings: &Settings, table: &Table) -> Result<(Frame, BandStats)> {
-    let mut frame = Frame::transparent(settings.size)?;
-    combine(bands, settings, &mut frame, |pixel, values| *pixel = table.finish(values));
+pub fn assemble(bands: &[BandResult], size: [u32; 2], threads: usize, table: &Table) -> Result<(Frame, BandStats)> {
+    let mut frame = Frame::transparent(size)?;
+    combine(bands, threads, &mut frame, |pixel, values| *pixel = table.finish(values));
     Ok((frame, BandStats::of(bands)))
 }
 
 /// Calls `put` with each pixel of `frame` and the values that a band has for it.
 pub(super) fn combine(
     bands: &[BandResult],
-    settings: &Settings,
+    threads: usize,
     frame: &mut Frame,
     put: impl Fn(&mut [f32; 4], [f32; 4]) + Sync,
 ) {
-    frame.fill_rows(settings.threads, |y, row| {
+    frame.fill_rows(threads, |y, row| {
         let y = i32::try_from(y).unwrap_or(i32::MAX);
         for band in bands {
             let rect = band.tiles.rect;

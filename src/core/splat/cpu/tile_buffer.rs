@@ -152,10 +152,18 @@ impl TileBuffer {
         Ok(())
     }
 
-    /// Returns the index of the tile in `column` and `row` of the picture's grid, which meets the rectangle.
+    /// Returns the row and the column, among the band's tiles, of the tile in `column` and `row` of the picture's grid, which meets the
+    /// rectangle.
+    #[inline(always)]
+    fn row_and_column(&self, column: i32, row: i32) -> [usize; 2] {
+        [(row - (self.rect.y0 >> TILE_SHIFT)) as usize, (column - (self.rect.x0 >> TILE_SHIFT)) as usize]
+    }
+
+    /// Returns the index of that tile.
     #[inline(always)]
     fn index(&self, column: i32, row: i32) -> usize {
-        (row - (self.rect.y0 >> TILE_SHIFT)) as usize * self.pitch + (column - (self.rect.x0 >> TILE_SHIFT)) as usize
+        let [row, column] = self.row_and_column(column, row);
+        row * self.pitch + column
     }
 
     /// Returns the index and values of the tile in `column` and `row` of the picture's grid; `None` if it is frozen.
@@ -203,8 +211,8 @@ impl TileBuffer {
     #[inline(never)]
     pub(super) fn freeze(&mut self, index: usize, column: i32, row: i32) {
         self.states[index] = FROZEN;
-        self.open_tiles
-            .clear((row - (self.rect.y0 >> TILE_SHIFT)) as usize, (column - (self.rect.x0 >> TILE_SHIFT)) as usize);
+        let [row, column] = self.row_and_column(column, row);
+        self.open_tiles.clear(row, column);
     }
 
     /// Freezes those tiles, on which nothing was drawn yet, that are `chosen` by column and row of the picture's grid. Their
@@ -223,10 +231,9 @@ impl TileBuffer {
     /// Returns whether all tiles that meet `rect`, a part of the band, are frozen.
     #[inline(always)]
     pub(super) fn is_frozen(&self, rect: Rect) -> bool {
-        let tile = |at: i32, first: i32| ((at >> TILE_SHIFT) - (first >> TILE_SHIFT)) as usize;
-        let columns = [rect.x0, rect.x1 - 1].map(|x| tile(x, self.rect.x0));
-        let rows = [rect.y0, rect.y1 - 1].map(|y| tile(y, self.rect.y0));
-        !self.open_tiles.any_in(rows, columns)
+        let [top, left] = self.row_and_column(rect.x0 >> TILE_SHIFT, rect.y0 >> TILE_SHIFT);
+        let [bottom, right] = self.row_and_column((rect.x1 - 1) >> TILE_SHIFT, (rect.y1 - 1) >> TILE_SHIFT);
+        !self.open_tiles.any_in([top, bottom], [left, right])
     }
 
     /// Returns the number of tiles, with what pads their rows.
@@ -346,7 +353,7 @@ pub(super) fn tile_pixels(column: i32, row: i32) -> ([i32; TILE_PIXELS], [i32; T
 
 /// Returns a pixel's index in the values of its tile.
 #[inline(always)]
-fn index_in_tile(x: i32, y: i32) -> usize {
+pub(super) fn index_in_tile(x: i32, y: i32) -> usize {
     ((y & 3) << TILE_SHIFT | (x & 3)) as usize
 }
 

@@ -161,7 +161,7 @@ impl<'a, B: Blend> Band<'a, B> {
             rows,
             tiles: TileBuffer::new(NO_PIXELS, B::INITIAL_ALPHA)?,
             slow: None,
-            slice: Slice::NONE,
+            slice: lattice.slice(0),
             rows_at: [0.0; 3],
             shown: BitRows::new(line, rows),
             shown_at: vec![None; rows],
@@ -416,14 +416,14 @@ impl<'a, B: Blend> Band<'a, B> {
         let looks = slab.add(voxels);
         match tables {
             Some(tables) => tables.colour(projector, voxels, looks),
-            None => _ = dispatch::colour(self.code, projector, voxels, looks),
+            None => dispatch::colour(self.code, projector, voxels, looks),
         }
         if let Some(footprints) = footprints {
             for (look, &record) in looks.iter_mut().zip(&voxels.records) {
                 look[3] = limited(look[3], footprints.strength(projector.lane.coverage_code(record)));
             }
         } else if tables.is_none()
-            && !lattice.is_displaced()
+            && projector.is_on_grid()
             && let Some(strength) = lattice.strength()
         {
             looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));

@@ -5,13 +5,13 @@
 
 use multiversion::multiversion;
 
-use crate::classify::normal::{self, Coherence};
+use crate::classify::normal::Coherence;
 use crate::splat::composite::Look;
 use crate::splat::cpu::lattice::Lattice;
+use crate::splat::cpu::looks::shade;
 use crate::splat::cpu::project::{Projector, VECTOR_WIDTH, limited};
 use crate::splat::cpu::voxel_block::{BLOCK, VoxelBlock};
 use crate::splat::shade::Lights;
-use crate::splat::view::PixelMap;
 
 /// Looks by value code and light by normal code, for parallel views: all voxels see the same light.
 pub(super) struct LookTables {
@@ -29,8 +29,7 @@ impl LookTables {
         const MANY: usize = 1 << 16;
         let channels = projector.lane.channels;
         let is_short = channels.value_bits == 8 && channels.normal_bits <= 8;
-        let is_parallel = matches!(projector.map, PixelMap::Parallel { .. });
-        if !is_parallel || !is_short || projector.lane.values.len() < 2 * MANY {
+        if projector.is_perspective() || !is_short || projector.lane.values.len() < 2 * MANY {
             return None;
         }
         let mut looks = Box::new(*projector.table.of_bytes()?);
@@ -42,7 +41,7 @@ impl LookTables {
         let light = projector.lights.as_ref().map(|lights| {
             let light = vec![[0.0; 2]; 1 << 16].into_boxed_slice();
             let mut light: Box<[_; 1 << 16]> = light.try_into().expect("as many as were asked for");
-            light_of_codes(lights, channels.coherence, &mut light);
+            light_of_codes(projector, lights, &mut light);
             light
         });
         Some(LookTables { looks, light })
@@ -52,17 +51,6 @@ impl LookTables {
     #[inline(always)]
     pub(super) fn colour(&self, projector: &Projector, voxels: &VoxelBlock, looks: &mut [[f32; 4]]) {
         let records = &voxels.records[..voxels.count.min(BLOCK)];
-        self.colour_whole(projector, records, looks);
-        if !projector.is_on_grid() {
-            for (look, &record) in looks.iter_mut().zip(records) {
-                look[3] *= projector.lane.coverage(record).share;
-            }
-        }
-    }
-
-    /// Computes the colours and depths of voxels that are wholly visible.
-    #[inline(always)]
-    fn colour_whole(&self, projector: &Projector, records: &[usize], looks: &mut [[f32; 4]]) {
         let mut values = [0u8; BLOCK];
         for (value, &record) in values.iter_mut().zip(records) {
             *value = projector.short_value(record);
@@ -87,24 +75,25 @@ impl LookTables {
                 }
             }
         }
+        if !projector.is_on_grid() {
+            for (look, &record) in looks.iter_mut().zip(records) {
+                look[3] *= projector.lane.coverage(record).share;
+            }
+        }
     }
 }
 
 /// Computes the light of each normal code.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn light_of_codes(lights: &Lights, has_coherence: bool, light: &mut [[f32; 2]; 1 << 16]) {
-    // Local arrays, which the compiler knows not to overlap with others, are computed with vector instructions.
-    let lights = *lights;
-    for (first, light) in (0u32..).step_by(VECTOR_WIDTH).zip(light.as_chunks_mut::<VECTOR_WIDTH>().0) {
-        let [mut x, mut y, mut z] = [[0.0; VECTOR_WIDTH]; 3];
-        for k in 0..VECTOR_WIDTH {
-            [x[k], y[k], z[k]] = normal::decode8((first + k as u32) as u16);
-        }
-        let [factors, highlights] = lights.shade([&x, &y, &z], &lights.eye.map(|component| [component; VECTOR_WIDTH]));
-        for k in 0..VECTOR_WIDTH {
-            let code = first + k as u32;
+fn light_of_codes(projector: &Projector, lights: &Lights, light: &mut [[f32; 2]; 1 << 16]) {
+    for (first, light) in (0u32..).step_by(BLOCK).zip(light.as_chunks_mut::<BLOCK>().0) {
+        let codes = std::array::from_fn(|k| first + k as u32);
+        let eye = |_| lights.eye.map(|component| [component; VECTOR_WIDTH]);
+        let [factors, highlights] = shade(lights, &projector.normals(&codes, BLOCK), BLOCK, eye);
+        for k in 0..BLOCK {
             let shade = [factors[k], highlights[k]];
-            light[k] = if has_coherence { lights.scatter(shade, Coherence::of_code(code, 8)) } else { shade };
+            let has_coherence = projector.lane.channels.coherence;
+            light[k] = if has_coherence { lights.scatter(shade, Coherence::of_code(codes[k], 8)) } else { shade };
         }
     }
 }

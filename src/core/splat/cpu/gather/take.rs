@@ -134,8 +134,8 @@ impl<B: Blend> Band<'_, B> {
             let Some(splats) = self.lists.take(column, least) else { continue };
             self.taken += splats.len() as u64;
             self.visits += 1;
-            let place = [column as i32, self.first_row + row as i32];
-            if !weights.blend::<B, STAMPED, ONE_DEPTH>(projector, &self.slab, splats, &mut self.tiles, place) {
+            let tile = [column as i32, self.first_row + row as i32];
+            if !weights.blend::<B, STAMPED, ONE_DEPTH>(projector, &self.slab, splats, &mut self.tiles, tile) {
                 self.tiles.open_tiles.clear(row, column);
                 self.lists.close(column);
             }

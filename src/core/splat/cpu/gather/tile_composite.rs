@@ -30,13 +30,13 @@ impl Weights<'_> {
         slab: &Slab,
         splats: &[u32],
         tiles: &mut TileBuffer,
-        place: [i32; 2],
+        tile: [i32; 2],
     ) -> bool {
-        let Some((_, pixels)) = tiles.tile(place[0], place[1]) else { return false };
-        let (mut tile, mut is_open, stop) = (*pixels, true, projector.stop);
+        let Some((_, pixels)) = tiles.tile(tile[0], tile[1]) else { return false };
+        let (mut values, mut is_open, stop) = (*pixels, true, projector.stop);
         if STAMPED {
             let Some(stamps) = self.stamps else { return false };
-            let lower = stamps.lower(place);
+            let lower = stamps.lower(tile);
             for &splat in splats {
                 let (Some(look), Some(key)) = (slab.look(splat), slab.weight_key(splat)) else { break };
                 let Some(stamp) = stamps.stamp(key - lower) else { break };
@@ -45,53 +45,53 @@ impl Weights<'_> {
                     if look[3] == 0.0 {
                         continue;
                     }
-                    is_open = tile.blend::<B>(stamp, look, stop);
+                    is_open = values.blend::<B>(stamp, look, stop);
                 } else {
-                    is_open = tile.blend::<B>(&amounts::<B>(stamp, look[3]), look, stop);
+                    is_open = values.blend::<B>(&amounts::<B>(stamp, look[3]), look, stop);
                 }
                 if !is_open {
                     break;
                 }
             }
         } else if let Some(footprints) = self.footprints {
-            let later = footprints.later(place);
+            let later = footprints.later(tile);
             for &splat in splats {
                 let (Some(look), Some(key)) = (slab.look(splat), slab.weight_key(splat)) else { break };
                 let weights = footprints.weights(key + later);
-                is_open = tile.blend::<B>(&amounts::<B>(weights, look[3]), look, stop);
+                is_open = values.blend::<B>(&amounts::<B>(weights, look[3]), look, stop);
                 if !is_open {
                     break;
                 }
             }
         } else {
-            let rays = self.lattice.tile(place);
+            let rays = self.lattice.tile(tile);
             // All shapes at once take as long as this many one by one.
-            let (is_displaced, are_many) = (self.lattice.is_displaced(), splats.len() > SHAPES);
-            let kernels = (is_displaced && are_many).then(|| self.lattice.kernels(place));
+            let (is_displaced, are_many) = (!projector.is_on_grid(), splats.len() > SHAPES);
+            let kernels = (is_displaced && are_many).then(|| self.lattice.kernels(tile));
             let mut amounts = [[0.0; TILE_PIXELS]; FEW];
             'splats: for few in splats.chunks(FEW) {
                 let shape = |splat| Some(slab.weight_key(splat)? as usize % SHAPES);
                 let count = match &kernels {
                     None if is_displaced => {
-                        let rays_of = |splat| Some(TileRays::new(place, self.lattice.kernel(place, shape(splat)?)));
+                        let rays_of = |splat| Some(TileRays::new(tile, self.lattice.kernel(tile, shape(splat)?)));
                         compute_amounts::<B>(rays_of, projector.cut, slab, few, &mut amounts)
                     }
                     None => compute_amounts::<B>(|_| Some(rays), projector.cut, slab, few, &mut amounts),
                     Some(kernels) => {
-                        let rays_of = |splat| Some(TileRays::new(place, kernels[shape(splat)?]));
+                        let rays_of = |splat| Some(TileRays::new(tile, kernels[shape(splat)?]));
                         compute_amounts::<B>(rays_of, projector.cut, slab, few, &mut amounts)
                     }
                 };
                 for (amounts, &splat) in amounts.iter().zip(few).take(count) {
                     let Some(look) = slab.look(splat) else { break 'splats };
-                    is_open = tile.blend::<B>(amounts, look, stop);
+                    is_open = values.blend::<B>(amounts, look, stop);
                     if !is_open {
                         break 'splats;
                     }
                 }
             }
         }
-        *pixels = tile;
+        *pixels = values;
         is_open
     }
 }

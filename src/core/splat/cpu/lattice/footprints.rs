@@ -14,7 +14,7 @@ use super::{Lattice, Place, Slice, TileRays, Tiles};
 use crate::arena::{Coverage, Lane};
 use crate::splat::block_kernel::{SHAPES, shape};
 use crate::splat::cpu::project::{Projector, nearest_pixel};
-use crate::splat::cpu::tile_buffer::{TILE_PIXELS, TILE_SHIFT};
+use crate::splat::cpu::tile_buffer::{TILE_PIXELS, TILE_SHIFT, index_in_tile};
 use crate::splat::cpu::voxel_block::{BLOCK, VoxelBlock};
 
 /// Number of bits of a place within a pixel, along a side; number of places, and their middle, which is the pixel's centre.
@@ -60,7 +60,7 @@ impl Footprints {
     /// Computes the footprints of a frame; `None` if the view is not parallel, voxels lie on points of the grid, or kernels are wide.
     pub(in super::super) fn new(lattice: &Lattice, projector: &Projector) -> Option<Footprints> {
         let channels = projector.lane.channels;
-        if projector.is_on_grid() || !lattice.is_parallel() {
+        if projector.is_on_grid() || projector.is_perspective() {
             return None;
         }
         let slice = lattice.slice(0);
@@ -130,7 +130,7 @@ impl Footprints {
     /// Returns the weight of a voxel at a place at one of these pixels.
     pub(in super::super) fn weight(&self, at: [i32; 2], code: u16, [x, y]: [i32; 2]) -> f32 {
         let number = self.number(at, self.displacement(code).first) + self.later([x >> TILE_SHIFT, y >> TILE_SHIFT]);
-        self.weights(number)[((y & 3) << TILE_SHIFT | (x & 3)) as usize]
+        self.weights(number)[index_in_tile(x, y)]
     }
 
     /// Returns the number of the weights of a voxel at the first tile of the plane; `first` is that of its kernel's first weights.

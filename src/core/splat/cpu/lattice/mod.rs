@@ -118,10 +118,6 @@ pub(super) struct Slice {
 }
 
 impl Slice {
-    /// A slice that stands for none.
-    pub(super) const NONE: Slice =
-        Slice { slow: 0.0, origin: [0.0; 2], step: [1.0; 2], shift: [0.0; 2], growth: [0.0; 2] };
-
     /// Returns the scale of the places of voxels on points of the grid.
     #[inline(always)]
     pub(super) fn scale(&self) -> f32 {
@@ -156,11 +152,6 @@ impl Lattice {
     /// Returns whether it is halved along columns, and along rows.
     pub(super) fn halves(&self) -> [bool; 2] {
         self.low_pass.halvings.map(|halvings| halvings > 0)
-    }
-
-    /// Returns whether voxels may be displaced from points of the grid.
-    pub(super) fn is_displaced(&self) -> bool {
-        self.spread > 0.0
     }
 
     /// Returns the lattice of the slice at `slow` on the slow axis.
@@ -290,12 +281,6 @@ impl Lattice {
         }
     }
 
-    /// Returns whether the view is parallel: all tiles and slices then have the same rays.
-    #[inline(always)]
-    pub(super) fn is_parallel(&self) -> bool {
-        matches!(self.rays, PlaneRays::Parallel { .. })
-    }
-
     /// Returns the peak of a splat of optical depth 1 in a parallel view; `None` in perspective, where it varies.
     #[inline(always)]
     pub(super) fn strength(&self) -> Option<f32> {
@@ -303,6 +288,12 @@ impl Lattice {
             PlaneRays::Parallel { strength, .. } => Some(strength),
             PlaneRays::Perspective { .. } => None,
         }
+    }
+
+    /// Returns the largest peak that a splat of optical depth 1 of any shape has in a parallel view; `None` in perspective.
+    pub(super) fn strongest(&self) -> Option<f32> {
+        let strongest = || self.kernels([0; 2]).iter().fold(0.0, |most: f32, kernel| most.max(kernel.strength));
+        self.strength().map(|_| strongest())
     }
 
     /// Returns after how many tiles a slice's voxels lie alike beside them, along the fast and the medium axis, in a parallel view of
@@ -327,7 +318,7 @@ impl Lattice {
     }
 
     /// Returns how far a kernel reaches along the fast (`side` 0) or medium axis (1) from its centre, in voxels, on rays
-    /// that meet the plane between the pixels `low` and `high`.
+    /// that meet the plane between two pixels.
     #[inline(always)]
     pub(super) fn kernel_reach(&self, side: usize, ends: [f64; 2]) -> f64 {
         let steepest = self.steepest(side, ends);

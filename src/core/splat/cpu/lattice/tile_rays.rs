@@ -32,7 +32,7 @@ pub(in super::super) struct TileRays {
 }
 
 impl TileRays {
-    /// Returns the rays of the tile in `column` and `row` through kernels of one shape.
+    /// Returns the rays of a tile, given as a column and a row, through kernels of one shape.
     #[inline(always)]
     pub(in super::super) fn new([column, row]: [i32; 2], kernel: RayKernel) -> TileRays {
         let (mut u, mut v) = ([0.0; TILE_PIXELS], [0.0; TILE_PIXELS]);
@@ -83,17 +83,17 @@ pub(in super::super) fn near_weight(exponent: f32, cut: f32) -> f32 {
 }
 
 impl Lattice {
-    /// Returns the rays of the tile in `column` and `row` through kernels that are as wide along all axes.
+    /// Returns the rays of a tile, given as a column and a row, through kernels that are as wide along all axes.
     #[inline(always)]
-    pub(in super::super) fn tile(&self, place: [i32; 2]) -> TileRays {
-        let (slopes, strength) = self.slopes(place);
-        TileRays::new(place, self.kernel_on(slopes, strength, [1.0; 3]))
+    pub(in super::super) fn tile(&self, tile: [i32; 2]) -> TileRays {
+        let (slopes, strength) = self.slopes(tile);
+        TileRays::new(tile, self.kernel_on(slopes, strength, [1.0; 3]))
     }
 
     /// Returns the kernels of each shape on the rays of a tile.
     #[inline(always)]
-    pub(in super::super) fn kernels(&self, place: [i32; 2]) -> [RayKernel; SHAPES] {
-        let (slopes, strength) = self.slopes(place);
+    pub(in super::super) fn kernels(&self, tile: [i32; 2]) -> [RayKernel; SHAPES] {
+        let (slopes, strength) = self.slopes(tile);
         let mut kernels = [RayKernel { column: 0.0, shear: 0.0, row: 0.0, strength: 0.0 }; SHAPES];
         for (shape, kernel) in kernels.iter_mut().enumerate() {
             *kernel = self.kernel_on(slopes, strength, self.squares.map(|squares| squares[shape]));
@@ -103,8 +103,8 @@ impl Lattice {
 
     /// Returns the kernel of one shape on the rays of a tile.
     #[inline(always)]
-    pub(in super::super) fn kernel(&self, place: [i32; 2], shape: usize) -> RayKernel {
-        let (slopes, strength) = self.slopes(place);
+    pub(in super::super) fn kernel(&self, tile: [i32; 2], shape: usize) -> RayKernel {
+        let (slopes, strength) = self.slopes(tile);
         self.kernel_on(slopes, strength, self.squares.map(|squares| squares[shape]))
     }
 

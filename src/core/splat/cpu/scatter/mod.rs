@@ -24,7 +24,7 @@ use crate::traverse::tile_bounds;
 
 /// Draws all splats, or the largest value on the ray of each pixel, band by band.
 pub(super) fn draw<B: Blend>(task: &DrawTask) -> Result<Vec<BandResult>> {
-    let rect = full_rect(task.settings.size);
+    let rect = full_rect(task.setup.view.size);
     match (task.settings.mode.is_maximum(), task.settings.blending, task.settings.code) {
         (true, _, Code::Plain) => Ok(vec![plain::draw_largest(task, rect)?]),
         (true, ..) => in_bands(task, &|rect| maximum::draw(task, rect)),
@@ -37,7 +37,7 @@ pub(super) fn draw<B: Blend>(task: &DrawTask) -> Result<Vec<BandResult>> {
 /// Cuts the picture into bands of rows or of columns, and draws each on a thread of its own.
 fn in_bands(task: &DrawTask, draw: &(dyn Fn(Rect) -> Result<BandResult> + Sync)) -> Result<Vec<BandResult>> {
     let by_rows = lines_follow_rows(task);
-    let full = full_rect(task.settings.size);
+    let full = full_rect(task.setup.view.size);
     let side = usize::try_from(if by_rows { full.y1 } else { full.x1 }).unwrap_or(1);
     let borders = borders(task, by_rows, task.settings.threads.clamp(1, side));
     let draw_band = |(): &mut (), band: usize| {

@@ -9,7 +9,7 @@
 use crate::splat::arith::SMALL_DEPTH;
 use crate::splat::composite::Look;
 use crate::splat::cpu::blend::Blend;
-use crate::splat::cpu::splats::{SplatKernel, Splats};
+use crate::splat::cpu::splats::{AFFINE, SplatKernel, Splats};
 use crate::splat::cpu::tile_buffer::{TILE_PIXELS, TILE_SHIFT, TileBuffer, tile_pixels};
 use crate::splat::cpu::voxel_block::BLOCK;
 use crate::splat::near::{EyeRays, NearKernel};
@@ -40,55 +40,25 @@ pub(in super::super) fn draw<B: Blend>(
             draw_near::<B>(tiles, rays, kernel, peak, place, look, stop);
             continue;
         }
-        let kernel = SplatKernel { centre: splats.centre(j), ellipse: splats.ellipse(j), cut, peak };
+        let kernel = splats.kernel(j, cut, peak);
         match rays.filter(|_| splats.is_on_rays(j)) {
-            None if peak <= SMALL_DEPTH => draw_splat::<B, true>(tiles, &kernel, place, look, stop),
-            None => draw_splat::<B, false>(tiles, &kernel, place, look, stop),
+            None if peak <= SMALL_DEPTH => draw_splat::<B, true>(tiles, None, &kernel, place, look, stop),
+            None => draw_splat::<B, false>(tiles, None, &kernel, place, look, stop),
             Some(rays) if peak * rays.most_stretch <= SMALL_DEPTH => {
-                draw_on_rays::<B, true>(tiles, rays, &kernel, place, look, stop);
+                draw_splat::<B, true>(tiles, Some(rays), &kernel, place, look, stop);
             }
-            Some(rays) => draw_on_rays::<B, false>(tiles, rays, &kernel, place, look, stop),
+            Some(rays) => draw_splat::<B, false>(tiles, Some(rays), &kernel, place, look, stop),
         }
     }
     drawn
 }
 
-/// Draws a splat on tile columns `left..=right`, tile rows `top..=bottom`. `IS_SMALL`: its peak is up to
-/// [`SMALL_DEPTH`].
+/// Draws a splat on tile columns `left..=right`, tile rows `top..=bottom`; `rays` if it is on rays. `IS_SMALL`: its depth on any ray is
+/// up to [`SMALL_DEPTH`].
 #[inline(always)]
 fn draw_splat<B: Blend, const IS_SMALL: bool>(
     tiles: &mut TileBuffer,
-    kernel: &SplatKernel,
-    [[left, right], [top, bottom]]: [[i32; 2]; 2],
-    look: &Look,
-    stop: f32,
-) {
-    let root = kernel.ellipse.u_factor.sqrt();
-    for row in top..bottom + 1 {
-        let tile_row = kernel.tile_row(root, row);
-        let (mut from, mut to) = (left, right);
-        if right - left >= WIDE {
-            let [first, last] = kernel.chord(row, 1.0);
-            (from, to) = (from.max(first), to.min(last));
-        }
-        for column in from..to + 1 {
-            let Some((index, tile)) = tiles.tile(column, row) else { continue };
-            let mut amounts = kernel.depths(root, &tile_row, column);
-            for i in 0..TILE_PIXELS {
-                amounts[i] = B::amount::<IS_SMALL>(amounts[i]);
-            }
-            if !tile.blend::<B>(&amounts, look, stop) {
-                tiles.freeze(index, column, row);
-            }
-        }
-    }
-}
-
-/// Draws a splat that is on rays in the same way; with `IS_SMALL`, its depth on any ray is up to [`SMALL_DEPTH`].
-#[inline(always)]
-fn draw_on_rays<B: Blend, const IS_SMALL: bool>(
-    tiles: &mut TileBuffer,
-    rays: &EyeRays,
+    rays: Option<&EyeRays>,
     kernel: &SplatKernel,
     [[left, right], [top, bottom]]: [[i32; 2]; 2],
     look: &Look,
@@ -100,12 +70,19 @@ fn draw_on_rays<B: Blend, const IS_SMALL: bool>(
         let (mut from, mut to) = (left, right);
         if right - left >= WIDE {
             // The square of a direction's length is convex: it is largest at a corner of the row of tiles.
-            let [first, last] = kernel.chord(row, rays.largest_square([left, right + 1], [row, row + 1]));
+            let most = rays.map_or(1.0, |rays| rays.largest_square([left, right + 1], [row, row + 1]));
+            let [first, last] = kernel.chord(row, most);
             (from, to) = (from.max(first), to.min(last));
         }
         for column in from..to + 1 {
-            let Some((index, tile, lengths)) = tiles.tile_and_rays(column, row, rays) else { continue };
-            let mut amounts = kernel.depths_on_rays(root, &tile_row, column, lengths);
+            let (index, tile, mut amounts) = if let Some(rays) = rays {
+                let Some((index, tile, lengths)) = tiles.tile_and_rays(column, row, rays) else { continue };
+                let lengths = |i: usize| [lengths.per_square[i], lengths.stretch[i]];
+                (index, tile, kernel.depths(root, &tile_row, column, lengths))
+            } else {
+                let Some((index, tile)) = tiles.tile(column, row) else { continue };
+                (index, tile, kernel.depths(root, &tile_row, column, |_| AFFINE))
+            };
             for i in 0..TILE_PIXELS {
                 amounts[i] = B::amount::<IS_SMALL>(amounts[i]);
             }

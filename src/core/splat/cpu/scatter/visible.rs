@@ -7,7 +7,7 @@
 
 use crate::arena::RecordSet;
 use crate::splat::cpu::project::Projector;
-use crate::splat::cpu::splats::{SplatKernel, Splats};
+use crate::splat::cpu::splats::Splats;
 use crate::splat::cpu::tile_buffer::TileBuffer;
 use crate::splat::cpu::voxel_block::{BLOCK, VoxelBlock};
 
@@ -29,8 +29,7 @@ impl VisibleRecords<'_> {
             if record >= self.records.lane_records() || self.records.contains(record) {
                 continue;
             }
-            let (centre, ellipse) = (splats.centre(j), splats.ellipse(j));
-            let kernel = SplatKernel { centre, ellipse, cut: projector.cut, peak: 1.0 };
+            let kernel = splats.kernel(j, projector.cut, 1.0);
             let depth = |x, y| match (&projector.rays, splats.near(j)) {
                 (Some(rays), Some(kernel)) => rays.depths(kernel, &rays.rays([x], [y]), 1.0)[0],
                 (rays, _) => kernel.depth(x, y, rays.as_ref().filter(|_| splats.is_on_rays(j))),

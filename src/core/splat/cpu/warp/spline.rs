@@ -33,10 +33,11 @@ const ROWS: usize = 8;
 /// [`filter_columns`] it turns samples into the coefficients of the B-spline through them, divided by the square of
 /// [`GAIN`].
 pub(super) fn filter_rows(rows: &mut [f32], len: usize, covered: &Covered, instructions: Level, threads: usize) {
-    in_parts(rows, len, threads, |from, rows| {
-        for (group, rows) in rows.chunks_mut(ROWS * len).enumerate() {
-            let from = from + ROWS * group;
-            let columns = covered.columns_of(from..from + rows.len() / len);
+    // Whole groups, as the rows of a group are filtered over the columns of all of them: each thread's first row must begin one.
+    in_parts(rows, ROWS * len, threads, |from, rows| {
+        for (group, rows) in (from..).zip(rows.chunks_mut(ROWS * len)) {
+            let first = ROWS * group;
+            let columns = covered.columns_of(first..first + rows.len() / len);
             let lines = rows.chunks_exact_mut(len).map(|row| &mut row.as_chunks_mut().0[columns.clone()]);
             let mut lines: Vec<&mut [[f32; 4]]> = lines.collect();
             dispatch!(instructions, _ => match lines.as_chunks_mut::<ROWS>().0 {
@@ -169,3 +170,31 @@ pub(super) fn in_range<S: Simd>(pixel: f32x4<S>, largest: f32) -> [f32; 4] {
 
 /// The brightest colour of a voxel: white in full light with the strongest highlight.
 const BRIGHTEST: f32 = 2.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::splat::Frame;
+
+    /// Groups of rows began at each thread's first row, so the columns over which a row was filtered depended on the threads.
+    #[test]
+    fn any_number_of_threads_filters_rows_to_the_same_bits() {
+        const SIDES: [u32; 2] = [160, 516];
+        let filtered = |threads: usize| {
+            let mut plane = Frame::transparent(SIDES).unwrap();
+            for (i, pixel) in plane.pixels_mut().as_chunks_mut::<4>().0.iter_mut().enumerate() {
+                let [x, y] = [i % 160, i / 160].map(|at| at as f32);
+                if (4.0 * (x - 80.0)).hypot(y - 258.0) < 250.0 {
+                    *pixel = [0.2, 0.4, 0.6, 0.8];
+                }
+            }
+            let covered = Covered::of(&plane, 1, threads).unwrap();
+            filter_rows(plane.pixels_mut(), 4 * 160, &covered, Level::new(), threads);
+            plane
+        };
+        let by_one = filtered(1);
+        for threads in [2, 3, 4, 7] {
+            assert!(filtered(threads).pixels() == by_one.pixels(), "{threads} threads");
+        }
+    }
+}
