@@ -342,7 +342,7 @@ impl RenderJob<'_> {
         }
         let mut source = self.source()?;
         let transfer = arguments.classification.chosen(self.input.path(), &mut *source, arguments.quiet)?;
-        let judge = Judge::new(&mut *source, &transfer)?;
+        let judge = Judge::new(&mut *source, &transfer)?.with_stop(stop());
         let grid = judge.visible().grid().clone();
         settings.crop = arguments.view.crop.map(|crop| crop.in_grid(grid.dims)).transpose()?;
         let cell = |position| VoxelBox { low: position, high: position };
