@@ -120,7 +120,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     WITHOUT_NOTES.store(arguments.quiet, Ordering::Relaxed);
     let kind = PictureKind::of(&arguments.output)?;
     let input = Input::find(&arguments.input)?;
-    let texts = || arguments.classification.files().chain(arguments.view.camera.as_ref().map(PathBuf::from));
+    // A folder is no camera, which reading it says.
+    let camera = || arguments.view.camera.as_ref().map(PathBuf::from).filter(|path| path.is_file());
+    let texts = || arguments.classification.files().chain(camera());
     check_output("--output", &arguments.output, input.files().chain(texts()))?;
     let outputs = if arguments.view.frames > 1 && kind != PictureKind::Apng {
         numbered(&arguments.output, arguments.view.frames)
