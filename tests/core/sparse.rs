@@ -80,7 +80,7 @@ fn a_level_of_few_voxels_in_a_large_grid_reads_no_empty_parts() {
 #[test]
 fn rows_of_a_lane_know_which_parts_are_void() {
     let side = 60;
-    let mut random = Random::new(5);
+    let mut random = Random(5);
     let record = |[x, y, z]: [u16; 3]| {
         let is_there = (x / 3 * 7 + y / 9 * 5 + z / 11 * 3) % 23 == 0;
         is_there.then(|| Record { value: 1, ..Record::default() })
