@@ -235,7 +235,8 @@ impl Collection {
             if count == wanted {
                 return Ok(());
             }
-            let why = format!("has {count} levels of detail, but the manifest says {wanted} (C12)");
+            let s = if count == 1 { "" } else { "s" };
+            let why = format!("has {count} level{s} of detail, but the manifest says {wanted} (C12)");
             Err(Error::input(file.path().display().to_string(), format!("{why}; make the collection again")))
         };
         let bricks = self.bricks.iter().filter_map(|brick| levels_of(brick.file.as_ref()?).err());
