@@ -11,7 +11,7 @@ use super::progress::{Progress, interrupted};
 use super::resources::ResourceArguments;
 use super::split::CutArguments;
 use super::values::levels;
-use super::{Answer, check_output, print_result};
+use super::{Answer, check_output, print_line};
 use adjsplat::arena::Levels;
 use adjsplat::build::Resources;
 use adjsplat::collection::{Findings, Partition, Plan};
@@ -178,7 +178,7 @@ fn plan(arguments: &PlanArguments) -> Result<Answer> {
         (1, _) => ", with 1 level of detail".to_owned(),
         (count, _) => format!(", with {count} levels of detail"),
     };
-    print_result(&format!("{}: {scans} bricks to scan, {all} to build{levels}", arguments.output.display()));
+    print_line(&format!("{}: {scans} bricks to scan, {all} to build{levels}", arguments.output.display()));
     Ok(Answer::Yes)
 }
 
@@ -190,7 +190,7 @@ fn scan(arguments: &ScanArguments) -> Result<Answer> {
     let resources = brick.resources(std::env::temp_dir());
     let found = plan.scan(brick.number, &mut source, &resources, &mut Progress::new(brick.quiet))?;
     write(output, &serde_json::to_string(&found).expect("numbers are plain JSON"))?;
-    print_result(&format!("{}: brick {}", output.display(), brick.number));
+    print_line(&format!("{}: brick {}", output.display(), brick.number));
     Ok(Answer::Yes)
 }
 
@@ -202,7 +202,7 @@ fn agree(arguments: &AgreeArguments) -> Result<Answer> {
     let is_agreed = plan.is_agreed()?;
     write(output, &plan.to_json())?;
     let next = if is_agreed { "agreed: build the bricks" } else { "scan the same bricks once more, with this plan" };
-    print_result(&format!("{}: {next}", output.display()));
+    print_line(&format!("{}: {next}", output.display()));
     if !is_agreed {
         return Ok(Answer::No);
     }
@@ -227,7 +227,7 @@ fn build(arguments: &BuildArguments) -> Result<Answer> {
         let _ = std::fs::remove_dir(output);
     }
     let voxels = built?;
-    print_result(&format!("{}: brick {}, {voxels} visible voxels", output.display(), brick.number));
+    print_line(&format!("{}: brick {}, {voxels} visible voxels", output.display(), brick.number));
     Ok(Answer::Yes)
 }
 
@@ -235,7 +235,7 @@ fn finish(arguments: &FinishArguments) -> Result<Answer> {
     let plan = read_plan(&arguments.plan)?;
     let collection = plan.finish(&arguments.folder, &mut Progress::new(arguments.quiet))?;
     let (bricks, voxels) = (collection.bricks().len(), collection.manifest().visible_voxels);
-    print_result(&format!("{}: {bricks} bricks, {voxels} visible voxels", arguments.folder.display()));
+    print_line(&format!("{}: {bricks} bricks, {voxels} visible voxels", arguments.folder.display()));
     Ok(Answer::Yes)
 }
 

@@ -13,7 +13,7 @@ use super::input::{Input, InputArguments, phantom};
 use super::progress::{Progress, interrupted};
 use super::resources::{ResourceArguments, peak_rss_bytes};
 use super::values::{Word, choice, levels};
-use super::{Answer, check_output, print_note, print_result, starts_as_adj};
+use super::{Answer, check_output, print_line, print_note, print_result, starts_as_adj};
 use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Levels, Rows, TileOrder};
 use adjsplat::build::{BuildOptions, Classified, Resources, SampleSummary, classify};
@@ -359,7 +359,7 @@ fn report(
     }
     let share = 100.0 * visible as f64 / samples as f64;
     let are = if visible == 1 { "voxel is" } else { "voxels are" };
-    print_result(&format!(
+    print_line(&format!(
         "{}: {visible} {are} visible of {samples} ({share:.2} %); {}, {per_voxel:.2} bytes a visible voxel, {seconds:.2} s",
         path.display(),
         HumanBytes(bytes),

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::progress::interrupted;
 use super::values::{Background, background, choice};
-use super::{Answer, check_output, print_result};
+use super::{Answer, check_output, print_line};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::write_atomically_unless;
 use adjsplat::splat::{Frame, Mode};
@@ -67,7 +67,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let written = Picture::new(&picture, kind, SampleDepth::Eight);
     write_atomically_unless(&interrupted, &arguments.output, |out| written.write(out))?;
     let ([columns, rows], count) = (picture.size(), arguments.pictures.len());
-    print_result(&format!("{}: {columns}x{rows}, of {count} pictures", arguments.output.display()));
+    print_line(&format!("{}: {columns}x{rows}, of {count} pictures", arguments.output.display()));
     Ok(Answer::Yes)
 }
 
@@ -81,7 +81,7 @@ fn read_finite(path: &Path) -> Result<Frame> {
 
 /// Checks that the pictures are all parts of one picture, in their order, if any of them says which part it is.
 fn check_parts(arguments: &Arguments) -> Result<()> {
-    let mut before: Option<(&PathBuf, PicturePart)> = None;
+    let mut before: Option<(&PathBuf, &PicturePart)> = None;
     let is_whole = !arguments.partial;
     let missing = |number: usize, count: usize| {
         let draw = format!("draw it with adj render --part {number}/{count}, or give --partial");
@@ -89,7 +89,7 @@ fn check_parts(arguments: &Arguments) -> Result<()> {
     };
     // A picture that cannot be read is told first.
     let parts = arguments.pictures.iter().map(|path| read_part(path)).collect::<Result<Vec<_>>>()?;
-    for (index, (path, part)) in arguments.pictures.iter().zip(parts).enumerate() {
+    for (index, (path, part)) in arguments.pictures.iter().zip(&parts).enumerate() {
         let refused = |why: String| Err(Error::input(path.display().to_string(), why));
         let Some(part) = part else {
             if before.is_some() && is_whole {
@@ -123,6 +123,14 @@ fn check_parts(arguments: &Arguments) -> Result<()> {
                     return refused(format!("is part {number} of {count}; give it before {other}, which is farther"));
                 }
             }
+        }
+        let has_next = parts.iter().flatten().any(|part| part.place == [next, count]);
+        if number > next && is_whole && has_next {
+            let mut sorted: Vec<_> = parts.iter().zip(&arguments.pictures).collect();
+            sorted.sort_by_key(|(part, _)| part.as_ref().map(|part| part.place[0]));
+            let names: Vec<_> = sorted.iter().map(|(_, path)| path.display().to_string()).collect();
+            let why = format!("is part {number}, but part {next} comes after it; give them as {}", names.join(" "));
+            return refused(why);
         }
         if number > next && is_whole {
             return Err(missing(next, count));

@@ -10,7 +10,7 @@ use super::classification::ClassificationArguments;
 use super::info::open_adj;
 use super::progress::Progress;
 use super::stored::missing_values;
-use super::{Answer, check_apart, print_note, print_result};
+use super::{Answer, check_apart, print_line, print_note, print_result};
 use adjsplat::error::Result;
 use adjsplat::internals::drawable;
 use adjsplat_export::{ExportFormat, ExportOptions, ExportReport, export};
@@ -128,5 +128,5 @@ fn print_report(arguments: &Arguments, report: &ExportReport, seconds: f64) {
     });
     let elsewhere = fill_text.map_or(String::new(), |fill| format!(", {fill} elsewhere"));
     let bytes = indicatif::HumanBytes(bytes);
-    print_result(&format!("{path}: {count}{samples}{elsewhere}; {bytes}, {seconds:.2} s"));
+    print_line(&format!("{path}: {count}{samples}{elsewhere}; {bytes}, {seconds:.2} s"));
 }

@@ -42,6 +42,7 @@ mod values;
 mod verify;
 mod view;
 
+use std::ffi::OsString;
 use std::io::{Read as _, Write as _};
 use std::path::Path;
 use std::process::ExitCode;
@@ -170,6 +171,15 @@ fn usage(error: &clap::Error) -> ExitCode {
             let is_number =
                 |tip: &str| tip.split("'-- -").nth(1).is_some_and(|tip| tip.starts_with(|c: char| c.is_ascii_digit()));
             let tip = tip.filter(|tip| !is_number(tip));
+            // Nor can the name of an output.
+            let words: Vec<_> = std::env::args_os().collect();
+            let is_output = |words: &[OsString]| {
+                (words[0] == "-o" || words[0] == "--output") && words[1].as_encoded_bytes().starts_with(b"-")
+            };
+            let tip = match words.windows(2).any(is_output) {
+                true => tip.map(|_| "an output that begins with a dash follows an equals sign: -o=-NAME"),
+                false => tip,
+            };
             let (mut command, mut help) = (Cli::command(), "adj".to_owned());
             for word in std::env::args_os().skip(1) {
                 let Some(subcommand) = command.find_subcommand(&word) else { break };
@@ -187,6 +197,11 @@ fn usage(error: &clap::Error) -> ExitCode {
 
 /// Whether a file that the call writes is stdout. Results then go to stderr.
 static WRITES_TO_STDOUT: AtomicBool = AtomicBool::new(false);
+
+/// Prints a result of one line, in which names of files may have line feeds.
+fn print_line(text: &str) {
+    print_result(&text.replace('\n', "\\n"));
+}
 
 /// Prints a result. Ends the program if stdout fails, but not if the reader closed it.
 fn print_result(text: &str) {

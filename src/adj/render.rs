@@ -120,7 +120,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     WITHOUT_NOTES.store(arguments.quiet, Ordering::Relaxed);
     let kind = PictureKind::of(&arguments.output)?;
     let input = Input::find(&arguments.input)?;
-    let texts = || arguments.classification.files().chain(arguments.view.camera.as_ref().map(PathBuf::from));
+    // A folder is no camera, which reading it says.
+    let camera = || arguments.view.camera.as_ref().map(PathBuf::from).filter(|path| path.is_file());
+    let texts = || arguments.classification.files().chain(camera());
     check_output("--output", &arguments.output, input.files().chain(texts()))?;
     let outputs = if arguments.view.frames > 1 && kind != PictureKind::Apng {
         numbered(&arguments.output, arguments.view.frames)
@@ -342,7 +344,7 @@ impl RenderJob<'_> {
         }
         let mut source = self.source()?;
         let transfer = arguments.classification.chosen(self.input.path(), &mut *source, arguments.quiet)?;
-        let judge = Judge::new(&mut *source, &transfer)?;
+        let judge = Judge::new(&mut *source, &transfer)?.with_stop(stop());
         let grid = judge.visible().grid().clone();
         settings.crop = arguments.view.crop.map(|crop| crop.in_grid(grid.dims)).transpose()?;
         let cell = |position| VoxelBox { low: position, high: position };

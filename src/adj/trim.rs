@@ -13,7 +13,7 @@ use super::info::open_adj;
 use super::resources::ResourceArguments;
 use super::stored::{missing_values, stored_transfer};
 use super::values::{Crop, choice, crop, levels};
-use super::{Answer, print_note, print_result};
+use super::{Answer, print_line, print_note, print_result};
 use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Arena, Levels, Region, TileOrder, Trim, TrimOptions, trim};
 use adjsplat::classify::TransferFunction;
@@ -237,7 +237,7 @@ fn report(arguments: &Arguments, arena: &Arena, written: &Written, rounding: f64
     }
     let share = 100.0 * visible as f64 / before as f64;
     let are = if before == 1 { "voxel is" } else { "voxels are" };
-    print_result(&format!(
+    print_line(&format!(
         "{path}: {visible} of {before} visible {are} left ({share:.2} %); {}, were {}; {per_voxel:.2} bytes a visible \
          voxel, {seconds:.2} s",
         indicatif::HumanBytes(bytes),

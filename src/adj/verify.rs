@@ -9,7 +9,7 @@ use serde_json::json;
 use super::flags::one_line;
 use super::memory_shares::memory_of_pages;
 use super::size::memory;
-use super::{Answer, print_note, print_result};
+use super::{Answer, print_line, print_note};
 use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::AdjFile;
@@ -47,7 +47,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
                 if arguments.json {
                     let report =
                         json!({ "file": path.display().to_string(), "sound": null, "error": one_line(&error) });
-                    print_result(&report.to_string());
+                    print_line(&report.to_string());
                 }
                 // The remaining files are still checked; the caller prints the last error.
                 if let Some(earlier) = trouble.replace(error) {
@@ -68,7 +68,7 @@ fn check_file(path: &Path, arguments: &Arguments) -> Result<bool> {
         Err(error) => return Err(error),
     };
     let file = path.display().to_string();
-    print_result(&match &fault {
+    print_line(&match &fault {
         _ if arguments.json => {
             let report =
                 fault.as_ref().map(|f| json!({ "at": f.at, "rule": f.rule, "expected": f.expected, "got": f.got }));
@@ -88,22 +88,23 @@ fn check_collection(path: &Path, arguments: &Arguments) -> Result<bool> {
     let collection = Collection::open(path)?;
     let files = collection.bricks().iter().filter_map(|brick| brick.file.as_ref()).chain(collection.preview());
     // Opened again one by one, each with all of the memory.
-    let found: Vec<Error> = files.filter_map(|file| check(file.path(), arguments.memory).err()).collect();
+    let mut found: Vec<Error> = files.filter_map(|file| check(file.path(), arguments.memory).err()).collect();
+    found.extend(collection.check_rules());
     let faults: Vec<String> =
         collection.faults().iter().chain(collection.preview_fault()).chain(&found).map(one_line).collect();
     let (name, bricks) = (path.display().to_string(), collection.bricks().len());
     if arguments.json {
         let report = json!({ "file": name, "sound": faults.is_empty(), "bricks": bricks, "faults": faults });
-        print_result(&report.to_string());
+        print_line(&report.to_string());
     } else if faults.is_empty() {
-        print_result(&format!("{name}: sound ({bricks} bricks, {:.2} s)", start.elapsed().as_secs_f64()));
+        print_line(&format!("{name}: sound ({bricks} bricks, {:.2} s)", start.elapsed().as_secs_f64()));
     } else {
-        faults.iter().for_each(|fault| print_result(fault));
+        faults.iter().for_each(|fault| print_line(fault));
         let files = match &collection.manifest().preview {
             Some(_) => format!("{bricks} bricks and a preview"),
             None => format!("{bricks} bricks"),
         };
-        print_result(&format!("{name}: not sound: {} of {files}", faults.len()));
+        print_line(&format!("{name}: not sound: {} of {files}", faults.len()));
     }
     Ok(faults.is_empty())
 }

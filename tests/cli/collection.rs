@@ -328,6 +328,9 @@ fn parts_that_are_missing_doubled_or_of_another_picture_are_not_put_together() {
     composite("1 2 2 3", "").refused(&["2.exr", "is part 2 of 3, as 2.exr is", "once"]);
     composite("1 2 again 3", "--partial").refused(&["again.exr", "once"]);
     composite("2 1 3", "--partial").refused(&["1.exr", "give it before 2.exr"]);
+    composite("3 2 1", "").refused(&["3.exr", "part 1 comes after it", "1.exr 2.exr 3.exr"]);
+    composite("2 3 1", "").refused(&["2.exr", "part 1 comes after it", "1.exr 2.exr 3.exr"]);
+    composite("1 3 2", "").refused(&["3.exr", "part 2 comes after it", "1.exr 2.exr 3.exr"]);
     for other in ["turned", "faint", "fourth"] {
         composite(&format!("1 {other} 3"), "--partial").refused(&[other, "another picture than 1.exr"]);
     }

@@ -279,3 +279,11 @@ fn studies_refuse_what_they_cannot_do() {
         folder.adj(line).refused(&parts);
     }
 }
+
+#[test]
+fn an_axis_that_layouts_cannot_hold_is_named_with_its_points() {
+    let folder = Folder::new();
+    folder.write("v.raw", &[9; 9_000]);
+    folder.adj("build v.raw --dims 1x9000x1 --type u8 --range 1.. -q -o line.adj").done();
+    folder.adj("study layouts line.adj -q").refused(&["axis y", "9000", "8192"]);
+}

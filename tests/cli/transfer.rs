@@ -478,3 +478,13 @@ fn labels_that_a_range_would_round_are_told_of() {
         assert_eq!(folder.adj(&format!("build {build} {flags}")).stderr, "", "{flags}");
     }
 }
+
+#[test]
+fn a_byte_order_mark_before_a_function_or_a_camera_is_skipped() {
+    let folder = folder();
+    let marked = |name: &str, text: &str| folder.write(name, format!("\u{feff}{text}").as_bytes());
+    marked("t.json", &points(&[point("1", "0.5")]));
+    marked("eye.json", r#"{"position":[1,-20,1],"target":[1,1,1],"up":[0,0,1],"fov":20}"#);
+    folder.adj(&format!("build {BUILD} --tf t.json")).done();
+    folder.adj("render out.adj --camera eye.json --size 8x8 -o a.png").done();
+}

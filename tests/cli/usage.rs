@@ -239,3 +239,27 @@ fn a_path_that_is_called_like_a_flag_is_no_flag() {
     folder.small_arena("a.adj");
     folder.adj("render a.adj -o x.png --threads 0").refused(&["--threads"]);
 }
+
+#[test]
+fn a_folder_as_a_camera_is_refused_as_a_folder() {
+    let folder = Folder::new();
+    folder.adj("build phantom:gyroid --dims 8x8x8 --range 100.. -q -o g.adj").done();
+    let line = folder.adj("render g.adj --camera . -o q.png").refused(&["is a folder"]);
+    assert!(!line.contains("--output"), "{line}");
+}
+
+#[test]
+fn results_are_one_line_whatever_the_names_of_files() {
+    let folder = Folder::new();
+    let path = folder.file("a\nb.adj");
+    let output = path.to_str().expect("plain");
+    let said = adj(["build", "phantom:gyroid", "--dims", "8x8x8", "--range", "100..", "-q", "-o", output]).done();
+    assert!(said.lines().next().is_some_and(|line| line.contains("a\\nb.adj: ")), "{said:?}");
+}
+
+#[test]
+fn an_output_that_begins_with_a_dash_is_told_how_to_be_given() {
+    let folder = Folder::new();
+    folder.adj("build phantom:gyroid --dims 8x8x8 --range 100.. -q -o -dash.adj").refused(&["-o=-NAME"]);
+    folder.adj("build phantom:gyroid --dims 8x8x8 --range 100.. -q -o=-dash.adj").done();
+}

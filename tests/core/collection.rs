@@ -346,6 +346,27 @@ fn bricks_that_are_missing_cut_old_or_of_other_codes_are_named() {
 }
 
 #[test]
+fn a_check_names_a_preview_of_another_form_than_the_manifest_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, collection) = eight(folder.path());
+    assert!(collection.check().is_empty());
+    let path = collection.path().join("collection.json");
+    let sound: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+    let cases = [
+        ("tile_order", serde_json::json!("hilbert"), "tile order"),
+        ("lanes", 1.into(), "number of lanes"),
+        ("description", serde_json::json!({}), "transfer function"),
+    ];
+    for (member, value, part) in cases {
+        let mut changed = sound.clone();
+        changed[member] = value;
+        std::fs::write(&path, changed.to_string()).unwrap();
+        let faults = Collection::open(collection.path()).unwrap().check();
+        assert!(faults.len() == 1 && faults[0].to_string().contains(part), "{member}: {faults:?}");
+    }
+}
+
+#[test]
 fn a_manifest_that_lies_is_refused_in_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let (_, collection) = eight(folder.path());

@@ -16,4 +16,5 @@ mod layout;
 mod model;
 mod parallel;
 mod phantom;
+mod sparse;
 mod traversal;

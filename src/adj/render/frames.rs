@@ -10,7 +10,7 @@ use super::super::flags::one_line;
 use super::super::progress::{Progress, interrupted};
 use super::super::renderer::{FrameStats, Renderer};
 use super::super::resources::peak_rss_bytes;
-use super::super::{Answer, print_note, print_result};
+use super::super::{Answer, print_line, print_note};
 use super::RenderJob;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::write_atomically_unless;
@@ -83,7 +83,7 @@ pub(super) fn draw_frames(
     }
     let mean = all_stats.iter().map(|stats| stats.frame_ms).sum::<f64>() / all_stats.len() as f64;
     let many = if outputs.len() > 1 { format!(" to {}", outputs[outputs.len() - 1].display()) } else { String::new() };
-    print_result(&format!(
+    print_line(&format!(
         "{}{many}: {}x{}, {drawn} splats{}, {mean:.1} ms a frame, {:.2} s in all{}",
         outputs[0].display(),
         settings.size[0],

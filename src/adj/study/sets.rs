@@ -7,7 +7,7 @@ use clap::Args;
 use self::VisibleValues::{AtLeast, Preset};
 use super::super::build::classify_with_warnings;
 use super::super::input::phantom;
-use super::super::progress::Progress;
+use super::super::progress::{Progress, stop};
 use super::super::resources::processors;
 use super::super::stored::stored_transfer;
 use super::super::values::number;
@@ -150,7 +150,7 @@ impl SetVolume {
     /// Returns the reference renderer of the set's samples.
     pub(super) fn judge(&mut self) -> Result<Judge> {
         let transfer = self.transfer.clone();
-        Judge::new(self.restarted()?, &transfer)
+        Ok(Judge::new(self.restarted()?, &transfer)?.with_stop(stop()))
     }
 
     /// Builds an `.adj` file of the volume, without a name, in the system's folder for temporary files.

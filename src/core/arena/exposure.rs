@@ -55,37 +55,46 @@ pub(super) struct NeighbourDepths {
     low: [u32; 3],
     size: [usize; 3],
     depths: Vec<u32>,
+    /// Of each row along x, whether a depth was set: only such rows are cleared, as most of a large grid may be empty.
+    is_set: Vec<bool>,
 }
 
 impl NeighbourDepths {
     /// Begins with the box of `region` and of one more point on each side, which may lie outside the grid.
     pub(super) fn begin(&mut self, region: &Region) {
+        let width = self.size[0];
+        for row in (0..self.is_set.len()).filter(|&row| self.is_set[row]) {
+            self.depths[row * width..][..width].fill(0);
+        }
         self.low = region.low();
         self.size = region.size().map(|points| points as usize + 2);
-        self.depths.clear();
-        self.depths.resize(self.size.iter().product(), 0);
+        let [width, height, depth] = self.size;
+        self.depths.resize(self.depths.len().max(width * height * depth), 0);
+        self.is_set.clear();
+        self.is_set.resize(height * depth, false);
     }
 
     /// Sets the depth of a point of the box.
     #[inline]
     pub(super) fn set(&mut self, point: [u32; 3], depth: u32) {
-        let index = self.index(point);
-        self.depths[index] = depth;
+        let (row, x) = self.row(point);
+        self.is_set[row] = true;
+        self.depths[row * self.size[0] + x] = depth;
     }
 
-    /// Returns the index of a point of the box, whose lowest has coordinates of -1 beside the region's.
+    /// Returns the row of a point of the box, and its place there. The lowest point has coordinates of -1 beside the region's.
     #[inline]
-    fn index(&self, [x, y, z]: [u32; 3]) -> usize {
+    fn row(&self, [x, y, z]: [u32; 3]) -> (usize, usize) {
         let at = |a: usize, coordinate: u32| (coordinate + 1 - self.low[a]) as usize;
-        (at(2, z) * self.size[1] + at(1, y)) * self.size[0] + at(0, x)
+        (at(2, z) * self.size[1] + at(1, y), at(0, x))
     }
 
     /// Returns how much of a voxel is seen. `normal` is its unit normal, 0 for none; `lengths` are the spacings along the axes, in parts
     /// of the length for which depths are.
     #[inline]
     pub(super) fn exposure(&self, place: [u32; 3], normal: [f64; 3], lengths: [f64; 3]) -> Exposure {
-        let (at, row) = (self.index(place), self.size[0]);
-        let strides = [1, row, row * self.size[1]];
+        let ((row, x), width) = (self.row(place), self.size[0]);
+        let (at, strides) = (row * width + x, [1, width, width * self.size[1]]);
         // Of the neighbours at the low and at the high end of each axis.
         let depths = [0, 1, 2].map(|a| {
             let neighbours = [self.depths[at - strides[a]], self.depths[at + strides[a]]];

@@ -293,10 +293,14 @@ impl<'a> Lane<'a> {
         })
     }
 
-    /// Iterates over all lines, tile by tile.
+    /// Iterates over all lines, tile by tile. In a damaged lane it ends before the lines have more records in all than the lane.
     pub fn lines(&self) -> impl Iterator<Item = LineSpan> + use<'a> {
-        let lane = *self;
-        lane.sweep_tiles().flat_map(move |tile| lane.tile_lines(tile, u64::MAX))
+        let (lane, mut left) = (*self, self.record_count());
+        lane.sweep_tiles().flat_map(move |tile| lane.tile_lines(tile, u64::MAX)).take_while(move |line| {
+            let after = left.checked_sub(line.records.len() as u64);
+            left = after.unwrap_or(0);
+            after.is_some()
+        })
     }
 
     /// Returns the number of records in `tile`; 0 where a damaged file is inconsistent.

@@ -106,6 +106,10 @@ impl<K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> Rows for LaneRows<
         4 * self.tiles.len() as u64
     }
 
+    fn is_void(&self, region: &Region) -> bool {
+        is_void(&self.lane, &self.tiles, &self.inside(region))
+    }
+
     fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()> {
         let [xs, ys, zs] = self.inside(&region);
         if xs.is_empty() || ys.is_empty() || zs.is_empty() {
@@ -140,6 +144,28 @@ impl<K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> Rows for LaneRows<
             }
         }
         Ok(())
+    }
+}
+
+/// Returns whether none of `tiles`, which are sorted by row and column, has lines in a box; in O(log tiles) for each row of tiles.
+fn is_void(lane: &Lane, tiles: &[u32], sides: &[Range<u32>; 3]) -> bool {
+    if sides.iter().any(Range::is_empty) {
+        return true;
+    }
+    let [_, [first_u, last_u], [first_v, last_v]] =
+        [0, 1, 2].map(|a| [sides[a].start, sides[a].end - 1].map(|line| line / u32::from(TILE_EDGE)));
+    // From the first tile at or after a place, the search goes on at the next place inside the box.
+    let mut place = (first_v, first_u);
+    loop {
+        let at = tiles.partition_point(|&index| row_position(lane, index) < place);
+        match tiles.get(at).map(|&index| row_position(lane, index)) {
+            Some((v, u)) if v <= last_v => match u {
+                _ if u < first_u => place = (v, first_u),
+                _ if u > last_u => place = (v + 1, first_u),
+                _ => return false,
+            },
+            _ => return true,
+        }
     }
 }
 

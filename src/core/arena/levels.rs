@@ -9,6 +9,7 @@
 //! Memory: the visible voxels of a few rows for each thread that reads.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
@@ -264,6 +265,18 @@ impl<'a> CoarserRows<'a> {
         let edge = u32::from(TILE_EDGE);
         (POINTS_AT_ONCE / self.rows.dims()[0]).next_multiple_of(edge).max(edge)
     }
+
+    /// Returns the points along axis `a` of the level below that become `range`.
+    fn fine(&self, a: usize, range: &Range<u32>) -> Range<u32> {
+        let [start, end] = [range.start, range.end].map(|end| (end * self.factors[a]).min(self.rows.dims()[a]));
+        start..end
+    }
+
+    /// Returns the box of the level below that becomes `region`, which lies inside the grid.
+    fn below(&self, region: &Region) -> Region {
+        let [xs, ys, zs] = region.sides();
+        Region { xs: self.fine(0, xs), ys: self.fine(1, ys), zs: self.fine(2, zs) }
+    }
 }
 
 impl Rows for CoarserRows<'_> {
@@ -283,13 +296,15 @@ impl Rows for CoarserRows<'_> {
         self.rows.memory() + (2 * width * rows * 2 * size_of::<Voxel>() as u64 + around) * self.threads as u64
     }
 
+    fn is_void(&self, region: &Region) -> bool {
+        self.rows.is_void(&self.below(&region.and(&Region::of_grid(self.dims))))
+    }
+
     fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()> {
         let region = region.and(&Region::of_grid(self.dims));
         if region.is_empty() {
             return Ok(());
         }
-        let fine_dims = self.rows.dims();
-        let fine = |a: usize, from: u32, to: u32| from * self.factors[a]..(to * self.factors[a]).min(fine_dims[a]);
         let narrow =
             |coordinate: u32| u16::try_from(coordinate).expect("inside a grid of at most 65,535 points an axis");
         let step = self.rows_at_once();
@@ -297,43 +312,55 @@ impl Rows for CoarserRows<'_> {
         let mut parts: Vec<Vec<Voxel>> = Vec::new();
         let mut depths = NeighbourDepths::default();
         let mut voxels = Vec::new();
-        for z in region.zs.clone() {
-            for first in region.ys.clone().step_by(step as usize) {
-                let end = region.ys.end.min(first + step);
-                let below = Region {
-                    xs: fine(0, region.xs.start, region.xs.end),
-                    ys: fine(1, first, end),
-                    zs: fine(2, z, z + 1),
-                };
-                let ([_, low_y, low_z], [_, height, depth]) = (below.low(), below.size());
-                parts.resize_with((height * depth) as usize, Vec::new);
-                parts.iter_mut().for_each(Vec::clear);
-                depths.begin(&below);
-                let around = below.and_neighbours();
-                self.rows.read(around, &mut |y, z, part| {
-                    let (y, z) = (u32::from(y), u32::from(z));
-                    for voxel in part {
-                        let depth = self.look.visible_depth(&voxel.record, channels);
-                        depths.set([voxel.x.into(), y, z], depth);
-                    }
-                    if below.ys.contains(&y) && below.zs.contains(&z) {
-                        let inside = part.iter().filter(|voxel| below.xs.contains(&voxel.x.into()));
-                        parts[((z - low_z) * height + y - low_y) as usize].extend(inside);
-                    }
-                })?;
-                for y in first..end {
-                    // Of the block's rows, those at the low and the high end of y, first at the low end of z.
-                    let mut block: [&[Voxel]; 4] = [&[]; 4];
-                    for (z, y_below) in (0..depth).flat_map(|z| fine(1, y, y + 1).map(move |y_below| (z, y_below))) {
-                        let high = (y_below - y * self.factors[1]) as usize;
-                        block[2 * z as usize + high] = &parts[(z * height + y_below - low_y) as usize];
-                    }
-                    voxels.clear();
-                    let low = [0, y * self.factors[1], z * self.factors[2]];
-                    self.merge(block, low, &depths, &mut voxels);
-                    if !voxels.is_empty() {
-                        row(narrow(y), narrow(z), &voxels);
-                    }
+        // What is left to do, the last first. It is halved down to some rows of one slice; halves without voxels are left out.
+        let mut left = vec![region];
+        while let Some(region) = left.pop() {
+            let below = self.below(&region);
+            if self.rows.is_void(&below) {
+                continue;
+            }
+            let [z, first] = [region.zs.start, region.ys.start];
+            let ([_, row_count, slice_count], [_, height, depth]) = (region.size(), below.size());
+            if slice_count > 1 {
+                let middle = z + slice_count / 2;
+                left.push(Region { zs: middle..region.zs.end, ..region.clone() });
+                left.push(Region { zs: z..middle, ..region });
+                continue;
+            }
+            if row_count > step {
+                let middle = first + (row_count / 2).next_multiple_of(step);
+                left.push(Region { ys: middle..region.ys.end, ..region.clone() });
+                left.push(Region { ys: first..middle, ..region });
+                continue;
+            }
+            let [_, low_y, low_z] = below.low();
+            parts.resize_with((height * depth) as usize, Vec::new);
+            parts.iter_mut().for_each(Vec::clear);
+            depths.begin(&below);
+            self.rows.read(below.and_neighbours(), &mut |y, z, part| {
+                let (y, z) = (u32::from(y), u32::from(z));
+                for voxel in part {
+                    let depth = self.look.visible_depth(&voxel.record, channels);
+                    depths.set([voxel.x.into(), y, z], depth);
+                }
+                if below.ys.contains(&y) && below.zs.contains(&z) {
+                    let inside = part.iter().filter(|voxel| below.xs.contains(&voxel.x.into()));
+                    parts[((z - low_z) * height + y - low_y) as usize].extend(inside);
+                }
+            })?;
+            for y in region.ys {
+                // Of the block's rows, those at the low and the high end of y, first at the low end of z.
+                let mut block: [&[Voxel]; 4] = [&[]; 4];
+                let ys = self.fine(1, &(y..y + 1));
+                for (z, y_below) in (0..depth).flat_map(|z| ys.clone().map(move |y_below| (z, y_below))) {
+                    let high = (y_below - y * self.factors[1]) as usize;
+                    block[2 * z as usize + high] = &parts[(z * height + y_below - low_y) as usize];
+                }
+                voxels.clear();
+                let low = [0, y * self.factors[1], z * self.factors[2]];
+                self.merge(block, low, &depths, &mut voxels);
+                if !voxels.is_empty() {
+                    row(narrow(y), narrow(z), &voxels);
                 }
             }
         }

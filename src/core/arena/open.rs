@@ -538,7 +538,7 @@ pub(super) fn level_head<'a>(
         ("value bits", channels.value_bits == has.value_bits, at!(header.value_bits)),
         ("normal bits", channels.normal_bits == has.normal_bits, at!(header.normal_bits)),
         ("magnitude bits", channels.magnitude_bits == has.magnitude_bits, at!(header.magnitude_bits)),
-        ("a tile order", expected.tile_order == level.facts.tile_order, at!(header.tile_order)),
+        ("tile order", expected.tile_order == level.facts.tile_order, at!(header.tile_order)),
         ("spacing", same(&grid.spacing, &found.spacing), at!(header.spacing)),
         ("origin", same(&grid.origin, &found.origin), at!(header.origin)),
         ("direction", same(grid.direction.as_flattened(), found.direction.as_flattened()), at!(header.direction)),
@@ -547,7 +547,7 @@ pub(super) fn level_head<'a>(
         ("lanes", level.stored() == lanes, at!(entry[0].kind)),
     ];
     if let Some((what, _, at)) = tests.into_iter().find(|(_, is_right, _)| !is_right) {
-        return wrong(at, format!("{what} that follow from the level below"), "others".into());
+        return wrong(at, format!("the {what} that the level below gives"), "others".into());
     }
     for (index, entry) in level.table.iter().enumerate() {
         if let Some(number) = entry.level() {

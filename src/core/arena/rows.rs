@@ -111,6 +111,13 @@ pub trait Rows: Sync {
     /// Any error of reading the underlying data.
     fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()>;
 
+    /// Returns whether `region` is known to have no voxel, without reading it. A source that does not know returns `false`.
+    ///
+    /// So the cost of empty parts of a large grid need not grow with their size.
+    fn is_void(&self, _region: &Region) -> bool {
+        false
+    }
+
     /// Counts the voxels. Reads all of them.
     ///
     /// # Errors

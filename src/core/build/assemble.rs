@@ -74,7 +74,8 @@ impl<'a> Assembler<'a> {
         let face = LaneFace::new(self.rows.dims(), axis);
         let phase = Phase::Assemble(axis);
         report(observer, phase, 0, 1)?;
-        let (slots, totals) = face.census(self.rows, self.tile_order, self.threads)?;
+        let mut go_on = || report(observer, phase, 0, 1);
+        let (slots, totals) = face.census(self.rows, self.tile_order, self.threads, &mut go_on)?;
         begin(&totals)?;
         let fullest = slots.iter().map(|slot| u64::from(slot.records)).max().unwrap_or(0);
         let free = free_for_runs(self.memory, self.rows.memory(), face.tiles());
@@ -158,7 +159,14 @@ impl LaneFace {
     }
 
     /// Counts the records of each tile; returns the tiles that are not empty, in tile order, and the size of the lane.
-    fn census(&self, rows: &dyn Rows, tile_order: TileOrder, threads: usize) -> Result<(Vec<TileSlot>, LaneTotals)> {
+    /// `go_on` is asked after each row of tiles.
+    fn census(
+        &self,
+        rows: &dyn Rows,
+        tile_order: TileOrder,
+        threads: usize,
+        go_on: &mut dyn FnMut() -> Result<()>,
+    ) -> Result<(Vec<TileSlot>, LaneTotals)> {
         let edge = u32::from(TILE_EDGE);
         let [columns, strips] = self.tiles;
         let mut slots = Vec::new();
@@ -169,8 +177,11 @@ impl LaneFace {
             let strip = u32::try_from(strip).expect("at most 8,192 strips");
             let mut tiles = vec![0u32; columns as usize];
             let mut totals = LaneTotals::default();
-            ends.fill(0);
             let region = self.region(0..columns * edge, strip * edge..(strip + 1) * edge);
+            if rows.is_void(&region) {
+                return Ok((Vec::new(), totals));
+            }
+            ends.fill(0);
             rows.read(region, &mut |y, z, voxels| {
                 for voxel in voxels {
                     let (u, v, t) = self.locate(voxel.x, y, z);
@@ -193,7 +204,7 @@ impl LaneFace {
             }
             totals.lines += strip_totals.lines;
             totals.voxels += strip_totals.voxels;
-            Ok(())
+            go_on()
         })?;
         slots.sort_unstable_by_key(|slot| slot.key);
         Ok((slots, totals))

@@ -224,7 +224,24 @@ impl Collection {
     /// Checks every byte of every brick and of the preview; returns what is wrong, an error for each file.
     pub fn check(&self) -> Vec<Error> {
         let files = self.bricks.iter().filter_map(|brick| brick.file.as_ref()).chain(self.preview());
-        files.filter_map(|file| file.check().err()).collect()
+        files.filter_map(|file| file.check().err()).chain(self.check_rules()).collect()
+    }
+
+    /// Checks that bricks and the preview follow the rules C11 and C12 where joining and drawing do not need them; returns what is
+    /// wrong. Reads headers and descriptions.
+    pub fn check_rules(&self) -> Vec<Error> {
+        let levels_of = |file: &AdjFile| {
+            let (count, wanted) = (file.arena()?.level_count(), self.manifest.levels);
+            if count == wanted {
+                return Ok(());
+            }
+            let s = if count == 1 { "" } else { "s" };
+            let why = format!("has {count} level{s} of detail, but the manifest says {wanted} (C12)");
+            Err(Error::input(file.path().display().to_string(), format!("{why}; make the collection again")))
+        };
+        let bricks = self.bricks.iter().filter_map(|brick| levels_of(brick.file.as_ref()?).err());
+        let preview = self.manifest.preview.as_ref().zip(self.preview());
+        bricks.chain(preview.and_then(|(entry, file)| entry.check(&self.manifest, file).err())).collect()
     }
 
     /// Returns the visible voxels of all bricks without faults, as rows of the whole grid.

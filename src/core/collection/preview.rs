@@ -15,7 +15,7 @@ use serde_json::json;
 use super::BrickEntry;
 use super::joined::JoinedRows;
 use super::levels::{Level, levels_of, rows_of};
-use super::manifest::{description_object, fingerprint};
+use super::manifest::{Manifest, description_object, fingerprint};
 use super::split::BrickPlace;
 use crate::arena::layout::{Channels, Facts};
 use crate::arena::{Levels, Region, Rows, Voxel};
@@ -62,6 +62,32 @@ impl PreviewEntry {
             None => Facts { grid: preview_grid(&whole.grid, self.every), ..whole.clone() },
         };
         Facts { visible_voxels: self.visible_voxels, ..facts }
+    }
+
+    /// Checks what joining and drawing do not need: the preview's tile order, lanes and transfer function, and its `every`. C11
+    pub(super) fn check(&self, manifest: &Manifest, file: &AdjFile) -> Result<()> {
+        let arena = file.arena()?;
+        let whole = description(manifest.description(), &manifest.grid, self.every, self.level);
+        let function = |text: &str| {
+            let function = description_object(text)["transfer_function"].take();
+            serde_json::from_value::<TransferFunction>(function).ok()
+        };
+        let of_preview = std::str::from_utf8(arena.description()).ok().and_then(function);
+        let level = self.level.and_then(|number| levels_of(&manifest.facts(), number).pop());
+        let tests = [
+            ("tile order", arena.facts().tile_order == manifest.tile_order),
+            ("number of lanes", arena.lanes().count() == usize::from(manifest.lanes)),
+            ("\"every\" in the manifest", level.is_none_or(|level| points(&level) == self.every)),
+            ("transfer function", of_preview == function(&whole)),
+        ];
+        match tests.into_iter().find(|(_, is_right)| !is_right) {
+            None => Ok(()),
+            Some((what, _)) => {
+                let why =
+                    format!("has another {what} than a preview of this collection (C11); make the collection again");
+                Err(Error::input(file.path().display().to_string(), why))
+            }
+        }
     }
 }
 

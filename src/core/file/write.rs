@@ -251,7 +251,12 @@ fn write_rows_to(
     observer: &mut dyn Observer,
 ) -> Result<(Facts, u64)> {
     Limits::check_description(output.description)?;
-    let levels = levels_in_files(folder, rows, given, output, observer)?;
+    // The files of levels have no name: the user knows the file that they are for.
+    let of_file = |fault| match fault {
+        Error::Io { action: action @ "write", source, .. } => Error::Io { action, path: path.to_path_buf(), source },
+        other => other,
+    };
+    let levels = levels_in_files(folder, rows, given, output, observer).map_err(of_file)?;
     write_sections(file, path, (levels, given.and_then(|given| given.limits.as_deref())), rows, output, observer)
 }
 

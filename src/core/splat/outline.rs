@@ -123,7 +123,9 @@ impl<'a> Outline<'a> {
     /// first those of the tile that reaches farthest: O(tiles), and O(lines) of tiles at the outline.
     fn farthest_voxel(&self, at: [u16; 3], lane: &Lane, farthest: &dyn Fn(&VoxelBox) -> f64) -> f64 {
         let bound = |part: VoxelBox| self.within.and(&part).map(|part| farthest(&part));
-        let in_tile = |reached: f64, tile: &TileRecord| {
+        // Lines of a damaged lane may share records. The first tile is read twice.
+        let mut left = 2 * lane.record_count();
+        let mut in_tile = |reached: f64, tile: &TileRecord| {
             let (bounds, most) = (tile_bounds(lane, tile), lane.dims[0] as usize);
             let lines = lane.tile_lines(tile, u64::MAX).filter(|line| line.records.len() <= most);
             lines.fold(reached, |reached, line| {
@@ -133,6 +135,8 @@ impl<'a> Outline<'a> {
                 if bound(part([bounds.low[0], bounds.high[0]])).is_none_or(|bound| bound <= reached) {
                     return reached;
                 }
+                let Some(after) = left.checked_sub(line.records.len() as u64) else { return reached };
+                left = after;
                 let counts = |x, record| lane.shows(record) && self.within.and(&part([place(x); 2])).is_some();
                 let extent = lane.line_extent(line.records, counts);
                 extent.map_or(reached, |extent| reached.max(farthest(&part(extent.map(place)))))

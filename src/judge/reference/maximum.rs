@@ -13,7 +13,7 @@ use glam::DVec3;
 
 use adjsplat::error::Result;
 use adjsplat::internals::PixelMap;
-use adjsplat::splat::{Camera, Mode, View, WorldFrame};
+use adjsplat::splat::{Camera, Mode, StopRequest, View, WorldFrame};
 use adjsplat::traverse::Viewpoint;
 
 use super::picture::ReferencePicture;
@@ -28,6 +28,7 @@ pub(super) fn draw(
     camera: &Camera,
     view: &View,
     settings: &JudgeSettings,
+    stop: Option<&StopRequest>,
 ) -> Result<ReferencePicture> {
     let mut picture = ReferencePicture::filled(settings.size, [0.0; 4])?;
     let Some(field) = ValueField::new(visible, settings)? else { return Ok(picture) };
@@ -35,7 +36,7 @@ pub(super) fn draw(
     let (Viewpoint::Parallel { direction } | Viewpoint::Perspective { toward: direction, .. }) = view.viewpoint;
     // The first of equal ones.
     let slow = [2, 1, 0].into_iter().max_by(|&a, &b| direction[a].abs().total_cmp(&direction[b].abs())).unwrap_or(0);
-    picture.draw(settings.threads, |(): &mut (), column, row| {
+    picture.draw(settings.threads, stop, |(): &mut (), column, row| {
         let largest = field.largest(&rays.through(column, row), slow, view);
         match (settings.mode, visible.transfer()) {
             (Mode::Maximum, Some(transfer)) => {
@@ -44,7 +45,7 @@ pub(super) fn draw(
             }
             _ => [largest; 4],
         }
-    });
+    })?;
     Ok(picture)
 }
 

@@ -32,3 +32,33 @@ pub use picture::ReferencePicture;
 pub use ray::{RayJudge, RaySettings};
 pub use splat::{Judge, JudgeSettings};
 pub use voxels::{ReferenceVoxel, VisibleVoxels};
+
+#[cfg(test)]
+mod tests {
+    use adjsplat::error::Error;
+    use adjsplat::splat::{Camera, Mode, Projection, StopRequest};
+    use adjsplat::volume::Grid;
+
+    use super::*;
+
+    #[test]
+    fn pictures_end_once_a_stop_is_requested() {
+        let voxel = ReferenceVoxel { position: [1; 3], depth: 1.0, colour: [1.0; 3], normal: [0.0; 3], value: 1.0 };
+        let grid = Grid::new([3; 3], [1.0; 3]).expect("a grid");
+        let camera = Camera::new([1.0, -9.0, 1.0], [1.0; 3], [0.0, 0.0, 1.0], Projection::Parallel { height: 4.0 })
+            .expect("a camera");
+        let stop = StopRequest::default();
+        let judge = Judge::of_voxels(VisibleVoxels::new(grid, vec![voxel]).expect("a scene")).with_stop(stop.clone());
+        let drawn = |mode| judge.draw(&camera, &JudgeSettings { mode, ..JudgeSettings::new([8; 2]) });
+        let modes = [Mode::Composite, Mode::Additive, Mode::MaximumGrey];
+        for mode in modes {
+            assert!(drawn(mode).is_ok());
+        }
+        stop.make();
+        for mode in modes {
+            assert!(matches!(drawn(mode), Err(Error::Interrupted)));
+        }
+        let rays = RayJudge::new(judge.visible()).with_stop(judge.stop());
+        assert!(matches!(rays.draw(&camera, &RaySettings::new([8; 2])), Err(Error::Interrupted)));
+    }
+}

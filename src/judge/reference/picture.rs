@@ -3,8 +3,18 @@
 use std::sync::{Mutex, PoisonError};
 
 use crate::allocate::filled;
-use adjsplat::error::Result;
-use adjsplat::splat::Frame;
+use adjsplat::error::{Error, Result};
+use adjsplat::splat::{Frame, StopRequest};
+
+/// Returns whether a request to stop drawing was made.
+pub(super) fn is_made(stop: Option<&StopRequest>) -> bool {
+    stop.is_some_and(StopRequest::is_made)
+}
+
+/// Returns [`Error::Interrupted`] if a request to stop drawing was made: pixels may then be missing.
+pub(super) fn check_stop(stop: Option<&StopRequest>) -> Result<()> {
+    if is_made(stop) { Err(Error::Interrupted) } else { Ok(()) }
+}
 
 /// A picture in double precision: premultiplied linear red, green, blue and alpha, row by row from the top.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,7 +35,15 @@ impl ReferencePicture {
 
     /// Sets each pixel to what `draw` returns for its column and row. Several threads take row after row; each has its own
     /// scratch memory.
-    pub(super) fn draw<S: Default>(&mut self, threads: usize, draw: impl Fn(&mut S, usize, usize) -> [f64; 4] + Sync) {
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] if `stop` is made before all pixels are drawn.
+    pub(super) fn draw<S: Default>(
+        &mut self,
+        threads: usize,
+        stop: Option<&StopRequest>,
+        draw: impl Fn(&mut S, usize, usize) -> [f64; 4] + Sync,
+    ) -> Result<()> {
         let columns = self.size[0] as usize;
         let next_row = Mutex::new(self.pixels.chunks_mut(columns).enumerate());
         let draw_rows = || {
@@ -34,6 +52,9 @@ impl ReferencePicture {
                 let taken = next_row.lock().unwrap_or_else(PoisonError::into_inner).next();
                 let Some((row, pixels)) = taken else { return };
                 for (column, pixel) in pixels.iter_mut().enumerate() {
+                    if is_made(stop) {
+                        return;
+                    }
                     *pixel = draw(&mut scratch, column, row);
                 }
             }
@@ -45,6 +66,7 @@ impl ReferencePicture {
             }
             draw_rows();
         });
+        check_stop(stop)
     }
 
     /// Returns the numbers of columns and rows.

@@ -21,7 +21,7 @@ use super::picture::ReferencePicture;
 use super::voxels::VisibleVoxels;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::PixelMap;
-use adjsplat::splat::{Camera, Lighting, Quality, View, WorldFrame};
+use adjsplat::splat::{Camera, Lighting, Quality, StopRequest, View, WorldFrame};
 
 /// The number of voxels along an edge of a cell (a cube of voxels).
 const CELL: u16 = 4;
@@ -74,6 +74,7 @@ pub struct RayJudge<'a> {
     cells: Vec<VoxelCell>,
     /// The indices of the voxels, sorted by cell.
     members: Vec<u32>,
+    stop: Option<&'a StopRequest>,
 }
 
 /// A cell: a small cube of neighbouring voxels.
@@ -101,24 +102,31 @@ impl<'a> RayJudge<'a> {
             cells.push(VoxelCell { centre: corner + half_width, members: first..first + group.len() });
             first += group.len();
         }
-        RayJudge { visible, cells, members }
+        RayJudge { visible, cells, members, stop: None }
+    }
+
+    /// Sets the request that ends drawing with [`Error::Interrupted`]; `None` for never.
+    #[must_use]
+    pub fn with_stop(self, stop: Option<&'a StopRequest>) -> RayJudge<'a> {
+        RayJudge { stop, ..self }
     }
 
     /// Draws what `camera` sees.
     ///
     /// # Errors
-    /// [`Error::Input`] if a setting is out of its range; [`Error::Limit`] if the memory cannot be had.
+    /// [`Error::Input`] if a setting is out of its range; [`Error::Limit`] if the memory cannot be had; [`Error::Interrupted`] if
+    /// the [stop](RayJudge::with_stop) is requested.
     pub fn draw(&self, camera: &Camera, settings: &RaySettings) -> Result<ReferencePicture> {
         settings.check()?;
         let view = View::new(camera, self.visible.grid(), settings.size, Quality::Reference.kernel(), settings.near)?;
         let rays = Rays::new(camera, &view, WorldFrame::of(self.visible.grid()));
         let colours = self.colours(&view, settings);
         let mut picture = ReferencePicture::filled(settings.size, [0.0; 4])?;
-        picture.draw(settings.threads, |gaussians: &mut Vec<RayGaussian>, column, row| {
+        picture.draw(settings.threads, self.stop, |gaussians: &mut Vec<RayGaussian>, column, row| {
             let ray = rays.through(column, row);
             self.gather(&ray, &colours, settings.sigma, gaussians);
             integrate(gaussians, settings.sigma / ray.speed, ray.start, settings.tolerance)
-        });
+        })?;
         Ok(picture)
     }
 

@@ -13,13 +13,13 @@ use std::sync::{Mutex, PoisonError};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::LOW_PASS;
-use adjsplat::splat::{Blending, Camera, ClipPlane, Lighting, Mode, Quality, View, WorldFrame};
+use adjsplat::splat::{Blending, Camera, ClipPlane, Lighting, Mode, Quality, StopRequest, View, WorldFrame};
 use adjsplat::volume::SlabSource;
 use glam::DVec3;
 
 use super::maximum;
 use super::order::{SplatOrder, front_to_back};
-use super::picture::ReferencePicture;
+use super::picture::{ReferencePicture, check_stop, is_made};
 use super::project::{PixelRows, SplatProjector};
 use super::voxels::VisibleVoxels;
 
@@ -111,6 +111,7 @@ impl JudgeSettings {
 #[derive(Debug, Clone)]
 pub struct Judge {
     visible: VisibleVoxels,
+    stop: Option<StopRequest>,
 }
 
 impl Judge {
@@ -119,12 +120,23 @@ impl Judge {
     /// # Errors
     /// The errors of [`VisibleVoxels::of_volume`].
     pub fn new(source: &mut dyn SlabSource, transfer: &TransferFunction) -> Result<Judge> {
-        Ok(Judge { visible: VisibleVoxels::of_volume(source, transfer)? })
+        Ok(Judge::of_voxels(VisibleVoxels::of_volume(source, transfer)?))
     }
 
     /// Creates the renderer of these voxels.
     pub fn of_voxels(visible: VisibleVoxels) -> Judge {
-        Judge { visible }
+        Judge { visible, stop: None }
+    }
+
+    /// Sets the request that ends drawing with [`Error::Interrupted`]; `None` for never.
+    #[must_use]
+    pub fn with_stop(self, stop: impl Into<Option<StopRequest>>) -> Judge {
+        Judge { stop: stop.into(), ..self }
+    }
+
+    /// Returns the request that ends drawing.
+    pub fn stop(&self) -> Option<&StopRequest> {
+        self.stop.as_ref()
     }
 
     /// Returns the voxels that this renderer draws.
@@ -136,14 +148,15 @@ impl Judge {
     /// maximum, 100 ns per pixel and slice and 8 bytes per grid point.
     ///
     /// # Errors
-    /// [`Error::Input`] if a setting is out of its range; [`Error::Limit`] if the memory cannot be had.
+    /// [`Error::Input`] if a setting is out of its range; [`Error::Limit`] if the memory cannot be had; [`Error::Interrupted`] if
+    /// the [stop](Judge::with_stop) is requested.
     pub fn draw(&self, camera: &Camera, settings: &JudgeSettings) -> Result<ReferencePicture> {
         settings.check()?;
         let grid = self.visible.grid();
         let voxels = self.visible.voxels();
         let view = View::new(camera, grid, settings.size, Quality::Reference.kernel(), settings.near)?;
         if settings.mode.is_maximum() {
-            return maximum::draw(&self.visible, camera, &view, settings);
+            return maximum::draw(&self.visible, camera, &view, settings, self.stop());
         }
         let world = WorldFrame::of(grid);
         let mut order = front_to_back(voxels, grid.dims, &view, settings.order);
@@ -160,6 +173,9 @@ impl Judge {
                 let Some((band, pixels)) = taken else { return };
                 let mut band = PixelRows { first_row: band * band_rows, columns, pixels };
                 for &at in &order {
+                    if is_made(self.stop()) {
+                        return;
+                    }
                     projector.splat(&voxels[at as usize], &mut band);
                 }
             }
@@ -171,6 +187,7 @@ impl Judge {
             }
             draw();
         });
+        check_stop(self.stop())?;
         for pixel in picture.pixels_mut() {
             *pixel = match settings.mode {
                 Mode::Additive => pixel.map(|sum| -(-sum).exp_m1()),

@@ -96,8 +96,7 @@ pub fn measure(
     for (index, view) in views.iter().enumerate() {
         let truth = truth(set.judge, view, effort.threads)?;
         step(0)?;
-        let found = renderer.errors(view, candidates, &truth, effort.threads)?;
-        step(candidates.len())?;
+        let found = renderer.errors(view, candidates, &truth, effort.threads, &mut || step(1))?;
         let mut fastest = vec![None::<f64>; candidates.len()];
         for round in 0..effort.repetitions {
             for (candidate, fastest) in candidates.iter().zip(&mut fastest) {
@@ -153,13 +152,14 @@ struct CandidateRenderer<'a> {
 
 impl CandidateRenderer<'_> {
     /// Returns the errors of each candidate's picture against the reference picture `truth`, in the order of
-    /// `candidates`.
+    /// `candidates`. Calls `step` after each.
     fn errors(
         &self,
         view: &JudgedView,
         candidates: &[Candidate],
         truth: &Frame,
         threads: usize,
+        step: &mut dyn FnMut() -> Result<()>,
     ) -> Result<Vec<Metrics>> {
         let background = [0.0; 3];
         let mut found = Vec::with_capacity(candidates.len());
@@ -171,7 +171,7 @@ impl CandidateRenderer<'_> {
             compared,
             |_, metrics| {
                 found.push(metrics);
-                Ok(())
+                step()
             },
         )?;
         Ok(found)

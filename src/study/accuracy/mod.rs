@@ -75,6 +75,7 @@ impl<'a> JudgedSet<'a> {
     fn render(&self, candidate: &Candidate, camera: &Camera, size: [u32; 2], threads: usize) -> Result<Frame> {
         let scene = self.file(candidate.value_bits, candidate.normal_bits)?;
         let settings = candidate.settings(camera, self.judge.visible().grid(), size)?.with_threads(threads);
+        let settings = settings.with_stop(self.judge.stop().cloned());
         Ok(cpu::render(&scene, camera, &settings)?.0)
     }
 

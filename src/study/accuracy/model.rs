@@ -70,7 +70,7 @@ pub fn measure(
         let what = format!("grid points of {} for the ray casting reference (take a smaller edge)", set.name);
         return Err(Error::Limit { what, need: points, have: MOST_POINTS });
     }
-    let rays = RayJudge::new(visible);
+    let rays = RayJudge::new(visible).with_stop(set.judge.stop());
     let mut shares = Vec::new();
     for (index, view) in views.iter().enumerate().filter(|(_, view)| !view.is_fine) {
         let integral = rays.draw(&view.camera, &RaySettings { threads, ..RaySettings::new(view.size) })?;

@@ -114,6 +114,9 @@ impl LaneLayout {
     }
 }
 
+/// Most points of an axis: then tiles have 16-bit numbers at any edge.
+const MOST_POINTS: u32 = 8 * 1024;
+
 /// Lanes in some memory layout, which can be walked.
 #[derive(Debug)]
 pub struct LayoutWalk {
@@ -126,15 +129,20 @@ impl LayoutWalk {
     /// Stores the subject's voxels in the layout; a walk then reads `codes` of each voxel. O(n log n) for n voxels.
     ///
     /// # Errors
-    /// [`Error::Input`] if this module cannot make the layout; [`Error::Limit`] for more than 2^32 voxels.
+    /// [`Error::Input`] if this module cannot make the layout; [`Error::Limit`] for more than 2^32 voxels, or for more than 8,192
+    /// points along an axis.
     pub fn new(subject: &Subject, layout: LaneLayout, codes: CodesRead) -> Result<LayoutWalk> {
         let known = matches!(layout.edge, 1 | 4 | 8 | 16)
             && matches!(layout.line_bytes, 2 | 4 | 8)
             && (1..=3).contains(&layout.lanes);
-        if !known || subject.dims().into_iter().max() > Some(8 * 1024) {
-            let why = "has no such form; edges are 1, 4, 8 or 16, line records 2, 4 or 8 bytes, lanes 1 to 3, and axes \
-                       have up to 8192 points";
+        if !known {
+            let why = "has no such form; edges are 1, 4, 8 or 16, line records 2, 4 or 8 bytes, lanes 1 to 3";
             return Err(Error::input(format!("layout {}", layout.edge), why));
+        }
+        let long = Axis::ALL.into_iter().find(|axis| subject.dims()[axis.index()] > MOST_POINTS);
+        if let Some(axis) = long {
+            let what = format!("points of {} along axis {}, for this study", subject.name, axis.name());
+            return Err(Error::Limit { what, need: subject.dims()[axis.index()].into(), have: MOST_POINTS.into() });
         }
         let normal_bytes = usize::from(subject.facts.channels.normal_bits / 4);
         let shared = if layout.shared {

@@ -36,7 +36,7 @@ pub(super) const SMALL_STEP: f64 = 0.76;
 /// How many times as far from the eye the farthest slice must be as the nearest for the pixels to lie otherwise beside the voxels of each
 /// slice: errors of slices then even out, and a plane of this density is enough where matter has no sharp edges. Measured:
 /// docs/studies/sampling.md.
-const WIDE_SPREAD: f64 = 1.6;
+const WIDE_SPREAD: f64 = 1.45;
 const SPREAD_DENSITY: f64 = 0.85;
 
 /// Rays beside the faces of the voxels' box. A face that is nearly parallel to them is seen edge-on.
