@@ -125,7 +125,7 @@ fn check_parts(arguments: &Arguments) -> Result<()> {
             }
         }
         let has_next = parts.iter().flatten().any(|part| part.place == [next, count]);
-        if number > next && is_whole && has_next {
+        if number > next && is_whole && has_next && parts.iter().all(Option::is_some) {
             let mut sorted: Vec<_> = parts.iter().zip(&arguments.pictures).collect();
             sorted.sort_by_key(|(part, _)| part.as_ref().map(|part| part.place[0]));
             let names: Vec<_> = sorted.iter().map(|(_, path)| path.display().to_string()).collect();

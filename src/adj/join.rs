@@ -10,7 +10,7 @@ use super::build::check_adj_output;
 use super::flags::one_line;
 use super::progress::Progress;
 use super::resources::ResourceArguments;
-use super::{Answer, print_note, print_result};
+use super::{Answer, print_line, print_note};
 use adjsplat::collection::Collection;
 use adjsplat::error::{Error, Result};
 
@@ -56,7 +56,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     drop(progress);
     let (path, visible, seconds) = (arguments.output.display(), facts.visible_voxels, start.elapsed().as_secs_f64());
     let missing = collection.faults().len();
-    print_result(&if arguments.json {
+    print_line(&if arguments.json {
         json!({
             "output": path.to_string(),
             "bricks": collection.bricks().len(),

@@ -171,14 +171,18 @@ fn usage(error: &clap::Error) -> ExitCode {
             let is_number =
                 |tip: &str| tip.split("'-- -").nth(1).is_some_and(|tip| tip.starts_with(|c: char| c.is_ascii_digit()));
             let tip = tip.filter(|tip| !is_number(tip));
-            // Nor can the name of an output.
+            // The name of an output cannot follow "--", either.
             let words: Vec<_> = std::env::args_os().collect();
-            let is_output = |words: &[OsString]| {
-                (words[0] == "-o" || words[0] == "--output") && words[1].as_encoded_bytes().starts_with(b"-")
+            let is_of_output = |tip: &str| {
+                let is_output = |word: &OsString| word == "-o" || word == "--output";
+                let proposed = |word: &OsString| tip.contains(&format!("'-- {}'", word.display()));
+                words.windows(2).any(|words| is_output(&words[0]) && proposed(&words[1]))
             };
-            let tip = match words.windows(2).any(is_output) {
-                true => tip.map(|_| "an output that begins with a dash follows an equals sign: -o=-NAME"),
-                false => tip,
+            let tip = match tip {
+                Some(tip) if is_of_output(tip) => {
+                    Some("an output that begins with a dash follows an equals sign: -o=-NAME")
+                }
+                tip => tip,
             };
             let (mut command, mut help) = (Cli::command(), "adj".to_owned());
             for word in std::env::args_os().skip(1) {

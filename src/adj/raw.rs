@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::input::{Input, InputArguments};
 use super::progress::{Progress, interrupted};
-use super::{Answer, check_output, print_result};
+use super::{Answer, check_output, print_line};
 use adjsplat::error::Result;
 use adjsplat::file::write_atomically_unless;
 
@@ -68,7 +68,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let [dx, dy, dz] = header.grid.spacing;
     let name = header.sample_type.name();
     let path = arguments.output.display();
-    print_result(&if arguments.json {
+    print_line(&if arguments.json {
         json!({ "output": path.to_string(), "dims": header.grid.dims, "type": name, "spacing": header.grid.spacing,
                 "slope": header.slope, "intercept": header.intercept })
         .to_string()

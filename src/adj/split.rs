@@ -10,7 +10,7 @@ use super::info::open_adj;
 use super::progress::Progress;
 use super::resources::ResourceArguments;
 use super::values::{Word, choice, number};
-use super::{Answer, print_note, print_result};
+use super::{Answer, print_line, print_note};
 use adjsplat::collection::{Partition, split};
 use adjsplat::error::{Error, Result};
 
@@ -128,7 +128,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let (path, bricks) = (arguments.output.display(), collection.bricks());
     let files = bricks.iter().filter(|brick| brick.file.is_some()).count();
     let (visible, seconds) = (collection.manifest().visible_voxels, start.elapsed().as_secs_f64());
-    print_result(&if arguments.json {
+    print_line(&if arguments.json {
         json!({
             "output": path.to_string(),
             "bricks": bricks.len(),

@@ -89,7 +89,9 @@ fn check_collection(path: &Path, arguments: &Arguments) -> Result<bool> {
     let files = collection.bricks().iter().filter_map(|brick| brick.file.as_ref()).chain(collection.preview());
     // Opened again one by one, each with all of the memory.
     let mut found: Vec<Error> = files.filter_map(|file| check(file.path(), arguments.memory).err()).collect();
-    found.extend(collection.check_rules());
+    if found.is_empty() {
+        found = collection.check_rules();
+    }
     let faults: Vec<String> =
         collection.faults().iter().chain(collection.preview_fault()).chain(&found).map(one_line).collect();
     let (name, bricks) = (path.display().to_string(), collection.bricks().len());

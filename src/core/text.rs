@@ -24,15 +24,18 @@ pub fn open_regular(path: &Path, action: &'static str) -> Result<(File, u64)> {
     Ok((file, len))
 }
 
-/// Reads a text file of at most `most` bytes, such as a transfer function.
+/// Reads a text file of at most `most` bytes, such as a transfer function, without the byte order mark that it may begin with.
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be read or is not UTF-8; [`Error::Input`] if it is not a regular file;
 /// [`Error::Limit`] if it is longer.
 pub fn read_text(path: &Path, most: u64) -> Result<String> {
-    let text = text_of(open_regular(path, "read")?, path, most)?;
+    let mut text = text_of(open_regular(path, "read")?, path, most)?;
     // Some editors of Windows begin a text with a byte order mark.
-    Ok(text.strip_prefix('\u{feff}').map_or_else(|| text.clone(), str::to_owned))
+    if text.starts_with('\u{feff}') {
+        text.drain(..'\u{feff}'.len_utf8());
+    }
+    Ok(text)
 }
 
 /// Reads the text in a file that was opened, whose length is given in bytes; see [`read_text`].

@@ -53,8 +53,10 @@ fn planned_bricks_with_levels_join_to_the_bytes_of_one_build() {
 fn a_check_names_levels_and_their_preview_that_the_manifest_gets_wrong() {
     let folder = tempfile::tempdir().unwrap();
     let options = functions()[0].clone().with_levels(3);
-    let collection = planned(&volumes()[0], &options, ALIGNED[0], &folder.path().join("a.adjs")).unwrap();
+    let plan = Plan::new(&header(&volumes()[0]), options, ALIGNED[0]).unwrap().with_preview(2);
+    let (_, collection) = built(&volumes()[0], plan, &folder.path().join("a.adjs")).unwrap();
     assert!(collection.check().is_empty());
+    assert!(collection.manifest().preview.as_ref().is_some_and(|preview| preview.level.is_some()));
     let path = collection.path().join("collection.json");
     let sound: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
     let faults_of = |changed: &serde_json::Value| {
@@ -69,11 +71,9 @@ fn a_check_names_levels_and_their_preview_that_the_manifest_gets_wrong() {
     assert_eq!(faults.len(), collection.bricks().iter().filter(|brick| brick.file.is_some()).count());
     assert!(faults[0].to_string().contains("has 3 levels of detail, but the manifest says 0"), "{faults:?}");
     let mut changed = sound.clone();
-    if let Some(every) = changed.pointer_mut("/preview/every") {
-        *every = 7.into();
-        let faults = faults_of(&changed);
-        assert!(faults.len() == 1 && faults[0].to_string().contains("\"every\""), "{faults:?}");
-    }
+    *changed.pointer_mut("/preview/every").expect("a preview") = 7.into();
+    let faults = faults_of(&changed);
+    assert!(faults.len() == 1 && faults[0].to_string().contains("\"every\""), "{faults:?}");
 }
 
 #[test]

@@ -128,7 +128,7 @@ fn a_stop_is_heard_while_the_voxels_of_a_lane_are_counted() {
     };
     let stopped = write_rows(&folder.file("a.adj"), &rows, &output, &mut Stop(0));
     assert!(matches!(stopped, Err(Error::Interrupted)), "{stopped:?}");
-    assert!(rows.reads.load(Ordering::Relaxed) <= 1, "{} reads after the stop", rows.reads.into_inner());
+    assert!(rows.reads.load(Ordering::Relaxed) <= 1, "{} reads", rows.reads.into_inner());
 }
 
 #[test]

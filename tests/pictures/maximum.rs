@@ -127,6 +127,8 @@ fn a_maximum_of_labels_has_their_colours() {
 /// Where rounding gave a label that the palette does not name, pixels were black: more of them than showed a colour.
 #[test]
 fn a_maximum_between_labels_far_apart_has_the_colour_of_one_of_them() {
+    let rim = transfer(r#"{"kind": "labels", "labels": [], "others": "distinct"}"#);
+    assert!((0..4).all(|tenth| rim.colour(f64::from(tenth) / 10.0) == rim.colour(1.0)));
     let labels = transfer(
         r##"{"kind": "labels", "labels": [{"label": 1, "name": "a", "colour": "#ff0000"},
             {"label": 101, "name": "b", "colour": "#00ff00"}]}"##,

@@ -147,7 +147,8 @@ impl<K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> Rows for LaneRows<
     }
 }
 
-/// Returns whether none of `tiles`, which are sorted by row and column, has lines in a box; in O(log tiles) for each row of tiles.
+/// Returns whether none of `tiles`, which are sorted by row and column, meets a box; in O(log tiles) for each row of tiles. Tiles that do
+/// may have no voxel in it.
 fn is_void(lane: &Lane, tiles: &[u32], sides: &[Range<u32>; 3]) -> bool {
     if sides.iter().any(Range::is_empty) {
         return true;

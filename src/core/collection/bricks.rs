@@ -221,10 +221,12 @@ impl Collection {
         Err(Error::input(self.path.display().to_string(), format!("{count} of {all} bricks cannot be used; {first}")))
     }
 
-    /// Checks every byte of every brick and of the preview; returns what is wrong, an error for each file.
+    /// Checks every byte of every brick and of the preview, and if all are right, [`Collection::check_rules`]; returns what is wrong,
+    /// an error for each file.
     pub fn check(&self) -> Vec<Error> {
         let files = self.bricks.iter().filter_map(|brick| brick.file.as_ref()).chain(self.preview());
-        files.filter_map(|file| file.check().err()).chain(self.check_rules()).collect()
+        let faults: Vec<Error> = files.filter_map(|file| file.check().err()).collect();
+        if faults.is_empty() { self.check_rules() } else { faults }
     }
 
     /// Checks that bricks and the preview follow the rules C11 and C12 where joining and drawing do not need them; returns what is

@@ -77,7 +77,7 @@ impl PreviewEntry {
         let tests = [
             ("tile order", arena.facts().tile_order == manifest.tile_order),
             ("number of lanes", arena.lanes().count() == usize::from(manifest.lanes)),
-            ("\"every\" in the manifest", level.is_none_or(|level| points(&level) == self.every)),
+            ("distance between points, by \"every\",", level.is_none_or(|level| points(&level) == self.every)),
             ("transfer function", of_preview == function(&whole)),
         ];
         match tests.into_iter().find(|(_, is_right)| !is_right) {

@@ -114,7 +114,7 @@ impl LaneLayout {
     }
 }
 
-/// Most points of an axis: then tiles have 16-bit numbers at any edge.
+/// Most points of an axis.
 const MOST_POINTS: u32 = 8 * 1024;
 
 /// Lanes in some memory layout, which can be walked.

@@ -32,7 +32,7 @@ const STACK_VOXELS: u64 = 1 << 14;
 /// Largest number of stacks. Each stack costs about as much as clearing the picture.
 const MAX_STACKS: u64 = 256;
 
-/// Returns the largest peak that a splat of optical depth 1 can have on the picture's pixels.
+/// Returns about the largest peak that a splat of optical depth 1 can have on the picture's pixels.
 pub(super) fn strongest(setup: &FrameSetup, table: &Table) -> f64 {
     match setup.view.map {
         PixelMap::Parallel { .. } => {
@@ -41,7 +41,8 @@ pub(super) fn strongest(setup: &FrameSetup, table: &Table) -> f64 {
             let of_shapes = projector.shapes.iter().flat_map(|shapes| shapes.iter()).map(|(_, strength)| *strength);
             of_shapes.fold(projector.strength, f32::max).into()
         }
-        // The largest one of voxels that are visible as a whole: the view runs along the longest spacing, and footprints are not widened.
+        // That of the widest kernel, if the view runs along the longest spacing and nothing is widened. Narrower kernels, of levels, have
+        // up to 2.7 times higher ones.
         PixelMap::Perspective { .. } => {
             setup.view.steps.into_iter().fold(0.0, f64::max) * f64::from(setup.kernel.normalisation())
                 / f64::from(setup.kernel.sigma).powi(2)

@@ -1,6 +1,7 @@
 //! The lattice of a perspective: its pixels are rays from the eye.
 //!
-//! In: what is to be shown. Out: the plane, or none if the eye is among or near the slices, or if they are seen too obliquely.
+//! In: what is to be shown. Out: the plane, or none if the eye is among or near the slices, if they are seen too obliquely, or if a voxel's
+//! depth changes too much within a tile.
 
 use glam::{DMat3, DVec3};
 
@@ -49,8 +50,7 @@ pub(super) fn plane(lattice_view: &LatticeView) -> Option<Lattice> {
     let forward = &camera_from_voxel[2];
     let along = |n: usize| (forward[slow_fast_medium[n]] * low[n]).min(forward[slow_fast_medium[n]] * high[n]);
     let nearest_depth = forward[3] + along(0) + along(1) + along(2);
-    // A clip cuts slices where the view does not run along the slow axis.
-    // Nearer slices are seen under too many angles.
+    // Slices nearer than so many slices are seen under too many angles. A clip cuts slices where the view does not run along the slow axis.
     if nearest < NEAR || view.clip > nearest_depth {
         return None;
     }

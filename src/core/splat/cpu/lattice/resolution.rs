@@ -12,6 +12,10 @@ use crate::splat::{Mode, Sampling, Settings};
 const WIDE_VOXELS: [f64; 2] = [0.93, 0.62];
 /// The same where voxels are small.
 const SMALL_VOXELS: f64 = 0.7;
+/// The same in a perspective whose farthest slice is [`DEEP`] times as far from the eye as the nearest, or more, where nothing has sharp
+/// edges: pixels lie on other places beside the voxels of each slice, and the errors of slices even out.
+const DEEP_SMALL_VOXELS: f64 = 0.6;
+const DEEP: f64 = 1.45;
 /// The same where they are small and lie beside the points of the grid, as those of levels (docs/studies/levels.md).
 const DISPLACED_SMALL_VOXELS: f64 = 0.4;
 /// The most pixels of the plane that are worthwhile per pixel of the picture, along a side, unless voxels are small.
@@ -32,12 +36,6 @@ const EDGE_ON: f64 = 0.7;
 const PER_PIXEL_EDGE_ON: [f64; 2] = [2.1, 1.7];
 /// Distance between voxels, in pixels of the picture, up to which the picture shows no such edges.
 pub(super) const SMALL_STEP: f64 = 0.76;
-
-/// How many times as far from the eye the farthest slice must be as the nearest for the pixels to lie otherwise beside the voxels of each
-/// slice: errors of slices then even out, and a plane of this density is enough where matter has no sharp edges. Measured:
-/// docs/studies/sampling.md.
-const WIDE_SPREAD: f64 = 1.45;
-const SPREAD_DENSITY: f64 = 0.85;
 
 /// Rays beside the faces of the voxels' box. A face that is nearly parallel to them is seen edge-on.
 pub(super) struct EdgeRays {
@@ -100,11 +98,14 @@ impl Resolution {
     pub(super) fn per_voxel(&self, side: usize, rays: &EdgeRays, step: f64, is_far: bool) -> f64 {
         let edge = self.edge_sharpness(side, rays);
         let per_pixel = if edge > 1.0 && step > SMALL_STEP { self.per_pixel_edge_on } else { self.per_pixel };
-        let least = if is_far { 0.0 } else { self.least_per_sigma };
-        let wanted = self.per_sigma * self.sharpness.max(edge);
         let has_edges = edge > 1.0 || self.sharpness > SHARP;
-        let density = if rays.spread >= WIDE_SPREAD && !has_edges { SPREAD_DENSITY } else { 1.0 };
-        density * wanted.min(least.max(per_pixel * step * self.sigmas[side])) / self.sigmas[side]
+        let least = match rays.spread >= DEEP && !has_edges {
+            _ if is_far => 0.0,
+            true => self.least_per_sigma.min(DEEP_SMALL_VOXELS),
+            false => self.least_per_sigma,
+        };
+        let wanted = self.per_sigma * self.sharpness.max(edge);
+        wanted.min(least.max(per_pixel * step * self.sigmas[side])) / self.sigmas[side]
     }
 
     /// Returns how much finer than the kernel's the outline of faces across the fast (`side` 0) or medium axis (1) is, if they are
