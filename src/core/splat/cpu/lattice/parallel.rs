@@ -40,7 +40,7 @@ pub(super) fn plane(lattice_view: &LatticeView) -> Option<Lattice> {
         return None;
     }
     let steps = [fast, medium].map(|axis| x[axis].hypot(y[axis]));
-    let rays = EdgeRays { slopes: shift, slice: scale * scale / area.abs(), spread: 1.0 };
+    let rays = EdgeRays { slopes: shift, slice: scale * scale / area.abs() };
     let voxels = voxels_per_tile(lattice_view, &rays, steps);
     let per_voxel = voxels.map(|voxels| 4.0 / voxels);
     let moves = [0, 1].map(|side: usize| inverse[side].map(|moves| per_voxel[side] * moves));

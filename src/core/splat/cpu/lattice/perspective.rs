@@ -92,7 +92,7 @@ pub(super) fn plane(lattice_view: &LatticeView) -> Option<Lattice> {
         let to_faces = [low[n], high[n]].map(|end| (end - eye[n]).abs());
         to_faces[0].min(to_faces[1]) / farthest
     });
-    let rays = EdgeRays { slopes, slice: distance / middle, spread: farthest / nearest };
+    let rays = EdgeRays { slopes, slice: distance / middle };
     let step = [1, 2].map(|n: usize| {
         // Of a voxel's steps in the picture, at that distance.
         let step = |[[a, b], [c, d]]: &[[f64; 2]; 2]| {

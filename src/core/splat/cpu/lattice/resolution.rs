@@ -12,10 +12,6 @@ use crate::splat::{Mode, Sampling, Settings};
 const WIDE_VOXELS: [f64; 2] = [0.93, 0.62];
 /// The same where voxels are small.
 const SMALL_VOXELS: f64 = 0.7;
-/// The same in a perspective whose farthest slice is [`DEEP`] times as far from the eye as the nearest, or more, where nothing has sharp
-/// edges: pixels lie on other places beside the voxels of each slice, and the errors of slices even out.
-const DEEP_SMALL_VOXELS: f64 = 0.6;
-const DEEP: f64 = 1.45;
 /// The same where they are small and lie beside the points of the grid, as those of levels (docs/studies/levels.md).
 const DISPLACED_SMALL_VOXELS: f64 = 0.4;
 /// The most pixels of the plane that are worthwhile per pixel of the picture, along a side, unless voxels are small.
@@ -43,8 +39,6 @@ pub(super) struct EdgeRays {
     pub(super) slopes: [f64; 2],
     /// Their length from slice to slice, in mean spacings.
     pub(super) slice: f64,
-    /// How many times as far from the eye the farthest slice is as the nearest; 1 in a parallel view.
-    pub(super) spread: f64,
 }
 
 /// How many pixels of a plane the details of a scene need. Pairs are along the fast and the medium axis.
@@ -98,12 +92,7 @@ impl Resolution {
     pub(super) fn per_voxel(&self, side: usize, rays: &EdgeRays, step: f64, is_far: bool) -> f64 {
         let edge = self.edge_sharpness(side, rays);
         let per_pixel = if edge > 1.0 && step > SMALL_STEP { self.per_pixel_edge_on } else { self.per_pixel };
-        let has_edges = edge > 1.0 || self.sharpness > SHARP;
-        let least = match rays.spread >= DEEP && !has_edges {
-            _ if is_far => 0.0,
-            true => self.least_per_sigma.min(DEEP_SMALL_VOXELS),
-            false => self.least_per_sigma,
-        };
+        let least = if is_far { 0.0 } else { self.least_per_sigma };
         let wanted = self.per_sigma * self.sharpness.max(edge);
         wanted.min(least.max(per_pixel * step * self.sigmas[side])) / self.sigmas[side]
     }
