@@ -30,12 +30,9 @@ pub fn open_regular(path: &Path, action: &'static str) -> Result<(File, u64)> {
 /// [`Error::Io`] if the file cannot be read or is not UTF-8; [`Error::Input`] if it is not a regular file;
 /// [`Error::Limit`] if it is longer.
 pub fn read_text(path: &Path, most: u64) -> Result<String> {
-    let mut text = text_of(open_regular(path, "read")?, path, most)?;
+    let text = text_of(open_regular(path, "read")?, path, most)?;
     // Some editors of Windows begin a text with a byte order mark.
-    if text.starts_with('\u{feff}') {
-        text.drain(..'\u{feff}'.len_utf8());
-    }
-    Ok(text)
+    Ok(text.strip_prefix('\u{feff}').unwrap_or(&text).to_owned())
 }
 
 /// Reads the text in a file that was opened, whose length is given in bytes; see [`read_text`].

@@ -87,16 +87,13 @@ pub(super) fn unnamed(labels: &[Label], others: UnlistedLabels, value: f64) -> O
 /// A value between labels, as a maximum interpolates it, has the colour of the nearest label: of the nearest one that the palette
 /// names, if others are transparent.
 pub(super) fn colour(labels: &[Label], others: UnlistedLabels, value: f64) -> [f32; 3] {
-    let nearest = match others {
-        UnlistedLabels::Transparent => nearest(labels, value),
-        UnlistedLabels::Distinct => {
-            // The background, 0, has no colour.
-            let Some(label) = label_of(value.round().max(1.0)) else { return [0.0; 3] };
-            let Some(entry) = find(labels, label) else { return Colour::distinct(label.unsigned_abs()).linear() };
-            Some(entry)
-        }
-    };
-    nearest.map_or([0.0; 3], |entry| entry.colour.linear())
+    // The background, 0, has no colour.
+    let value = if others == UnlistedLabels::Distinct { value.max(1.0) } else { value };
+    let Some(label) = label_of(value.round()) else { return [0.0; 3] };
+    match (others, u64::try_from(label)) {
+        (UnlistedLabels::Distinct, Ok(index)) if find(labels, label).is_none() => Colour::distinct(index).linear(),
+        _ => nearest(labels, value).map_or([0.0; 3], |entry| entry.colour.linear()),
+    }
 }
 
 /// Returns the entry whose label is nearest to a value, of two the higher; `None` if there are no entries.

@@ -25,14 +25,6 @@ impl Rows for JoinedRows<'_> {
         self.bricks.iter().map(|(_, rows)| rows.memory()).sum()
     }
 
-    fn is_void(&self, region: &Region) -> bool {
-        let is_void = |(place, rows): &(Region, Box<dyn Rows + '_>)| {
-            let part = region.and(place);
-            part.is_empty() || rows.is_void(&part.seen_from(place.low()))
-        };
-        self.bricks.iter().all(is_void)
-    }
-
     fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()> {
         for (place, rows) in &self.bricks {
             let part = region.and(place);

@@ -176,9 +176,9 @@ pub(super) fn points(
 /// Shows the factors on opacities by the gradient's magnitude, and whether there are any.
 pub(super) fn gradient(ui: &mut Ui, list: &mut PointList, state: &mut Canvases, stored: &StoredValues) {
     let mut has_ramp = list.gradient.is_some();
-    let tick = ui.checkbox(&mut has_ramp, "Only where values change").on_hover_text(
-        "Multiplies opacities by a ramp over the magnitude of the gradient. A file that stores no magnitudes cannot be drawn so.",
-    );
+    let tick = ui
+        .checkbox(&mut has_ramp, "Only where values change")
+        .on_hover_text("Multiplies opacities by a ramp over gradient magnitudes, which a file must store.");
     if tick.changed() {
         let to = stored.largest_magnitude.map_or(10.0, |largest| largest / 4.0);
         let ramp = [FactorPoint { magnitude: 0.0, factor: 0.0 }, FactorPoint { magnitude: to, factor: 1.0 }];
