@@ -175,7 +175,9 @@ fn usage(error: &clap::Error) -> ExitCode {
             let words: Vec<_> = std::env::args_os().collect();
             let is_of_output = |tip: &str| {
                 let is_output = |word: &OsString| word == "-o" || word == "--output";
-                let proposed = |word: &OsString| tip.contains(&format!("'-- {}'", word.display()));
+                // clap takes the first letter of a name for a flag, and proposes no more than that.
+                let flag = tip.split("'-- ").nth(1).and_then(|tip| tip.split('\'').next()).unwrap_or(tip);
+                let proposed = |word: &OsString| word.as_encoded_bytes().starts_with(flag.as_bytes());
                 words.windows(2).any(|words| is_output(&words[0]) && proposed(&words[1]))
             };
             let tip = match tip {
