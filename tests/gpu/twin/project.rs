@@ -377,8 +377,8 @@ fn between(first: f32, last: f32, low: i32, high: i32) -> [i32; 2] {
     [nearest_pixel(first + 0.49).nearest.max(low), nearest_pixel(last - 0.49).nearest.min(high)]
 }
 
-fn value_splat(frame: &FrameUniform, voxel: &VisitedVoxel, xyz: [u32; 3], share: f32, channels: &Channels) -> Splat {
-    let [_, _, _, value] = look_of(frame, channels, voxel.record, share);
+fn value_splat(frame: &FrameUniform, voxel: &VisitedVoxel, xyz: [u32; 3], channels: &Channels) -> Splat {
+    let [_, _, _, value] = look_of(frame, channels, voxel.record, 1.0);
     let offset = [0.0; 3];
     let [x0, y0, x1, y1] = frame.window;
     let last_row = frame.picture_rows.cast_signed() - 1;
@@ -443,7 +443,7 @@ fn splat_of(frame: &FrameUniform, is_maximum: bool, voxel: &VisitedVoxel, channe
     }
     let cover = coverage_of(frame, voxel.z_coverage >> 16);
     if is_maximum {
-        return value_splat(frame, voxel, xyz, cover.share, channels);
+        return value_splat(frame, voxel, xyz, channels);
     }
     let mut strength = frame.ellipse[3];
     let (x, y, ellipse);
