@@ -100,7 +100,7 @@ pub(crate) async fn open_folder(
     let name = folder.name();
     let manifest = format!("{name}/{MANIFEST}");
     if files.iter().any(|(path, _)| *path == manifest) {
-        let why = "is a collection; make one file of it by adj join, or use adj view";
+        let why = "is a collection of bricks; make one file of it by adj join, or use adj view";
         return Err(Error::input(name, why));
     }
     build(place, Volume { files, opened: vec![name.to_owned()] }, progress, context).await
