@@ -167,24 +167,20 @@ fn usage(error: &clap::Error) -> ExitCode {
             let text = error.render().to_string();
             let wrong: Vec<&str> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
             let tip = text.lines().map(str::trim).find_map(|line| line.strip_prefix("tip: "));
-            // As a value of a flag, a negative number cannot follow "--".
-            let is_number =
-                |tip: &str| tip.split("'-- -").nth(1).is_some_and(|tip| tip.starts_with(|c: char| c.is_ascii_digit()));
-            let tip = tip.filter(|tip| !is_number(tip));
-            // The name of an output cannot follow "--", either.
+            // clap proposes to put a word that begins with a dash, or its first letter, after "--". The value of a flag cannot stand there:
+            // that of a number is not told how it can, and that of an output is.
+            let proposed = tip.and_then(|tip| tip.split("'-- ").nth(1)?.split('\'').next());
             let words: Vec<_> = std::env::args_os().collect();
-            let is_of_output = |tip: &str| {
-                let is_output = |word: &OsString| word == "-o" || word == "--output";
-                // clap takes the first letter of a name for a flag, and proposes no more than that.
-                let flag = tip.split("'-- ").nth(1).and_then(|tip| tip.split('\'').next()).unwrap_or(tip);
-                let proposed = |word: &OsString| word.as_encoded_bytes().starts_with(flag.as_bytes());
-                words.windows(2).any(|words| is_output(&words[0]) && proposed(&words[1]))
+            let is_of_output = |proposed: &str| {
+                let is_it = |word: &OsString| word.as_encoded_bytes().starts_with(proposed.as_bytes());
+                words.windows(2).any(|words| (words[0] == "-o" || words[0] == "--output") && is_it(&words[1]))
             };
-            let tip = match tip {
-                Some(tip) if is_of_output(tip) => {
+            let tip = match proposed {
+                Some(word) if word.trim_start_matches('-').starts_with(|c: char| c.is_ascii_digit()) => None,
+                Some(word) if is_of_output(word) => {
                     Some("an output that begins with a dash follows an equals sign: -o=-NAME")
                 }
-                tip => tip,
+                _ => tip,
             };
             let (mut command, mut help) = (Cli::command(), "adj".to_owned());
             for word in std::env::args_os().skip(1) {

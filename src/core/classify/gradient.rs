@@ -121,7 +121,8 @@ impl GridAxes {
 
     /// Returns the greatest length that a gradient can have whose slopes along the axes are at most these.
     pub fn largest_magnitude(&self, slopes: [f64; 3]) -> f64 {
-        // The length is a convex function of the slopes: it is greatest where all are.
+        // The length is a convex function of the slopes, so it is greatest where each is as steep as it can be, upward or downward. Both
+        // signs of all three give one length.
         let signs = [[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, -1.0]];
         let magnitudes = signs.map(|signs: [f64; 3]| self.magnitude([0, 1, 2].map(|axis| signs[axis] * slopes[axis])));
         magnitudes.into_iter().fold(0.0, f64::max)

@@ -77,14 +77,13 @@ impl PreviewEntry {
         let tests = [
             ("tile order", arena.facts().tile_order == manifest.tile_order),
             ("number of lanes", arena.lanes().count() == usize::from(manifest.lanes)),
-            ("distance between points, by \"every\",", level.is_none_or(|level| points(&level) == self.every)),
+            ("distance between points (\"every\")", level.is_none_or(|level| points(&level) == self.every)),
             ("transfer function", of_preview == function(&whole)),
         ];
         match tests.into_iter().find(|(_, is_right)| !is_right) {
             None => Ok(()),
             Some((what, _)) => {
-                let why =
-                    format!("has another {what} than a preview of this collection (C11); make the collection again");
+                let why = format!("has another {what} than the manifest says (C11); make the collection again");
                 Err(Error::input(file.path().display().to_string(), why))
             }
         }

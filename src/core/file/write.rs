@@ -236,7 +236,11 @@ pub(crate) fn open_rows_and_levels(
     observer: &mut dyn Observer,
 ) -> Result<AdjFile> {
     let file = unnamed(folder)?;
-    write_rows_to(&file, folder, folder, rows, given, output, observer)?;
+    let of_unnamed = |fault| match fault {
+        Error::Io { action: "write", path, source } => Error::io("write a temporary file in", &path)(source),
+        other => other,
+    };
+    write_rows_to(&file, folder, folder, rows, given, output, observer).map_err(of_unnamed)?;
     AdjFile::of(&file, folder, &Limits::default())
 }
 
@@ -251,12 +255,7 @@ fn write_rows_to(
     observer: &mut dyn Observer,
 ) -> Result<(Facts, u64)> {
     Limits::check_description(output.description)?;
-    // The files of levels have no name: the user knows the file that they are for.
-    let of_file = |fault| match fault {
-        Error::Io { action: action @ "write", source, .. } => Error::Io { action, path: path.to_path_buf(), source },
-        other => other,
-    };
-    let levels = levels_in_files(folder, rows, given, output, observer).map_err(of_file)?;
+    let levels = levels_in_files(folder, rows, given, output, observer)?;
     write_sections(file, path, (levels, given.and_then(|given| given.limits.as_deref())), rows, output, observer)
 }
 

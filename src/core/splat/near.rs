@@ -35,11 +35,11 @@ use super::view::{PixelMap, View};
 use crate::arena::visible::MAX_DEPTH;
 use crate::traverse::Viewpoint;
 
-/// Distance from the eye's plane below which a voxel has no footprint, in the largest spacing: twice the radius of the
-/// widest kernel of all qualities, so that they draw the same voxels in the same way.
+/// Distance from the eye's plane below which a voxel has no footprint, in the largest spacing: twice the radius of the widest kernel of all
+/// qualities, so that they draw the same voxels by footprints.
 pub(crate) const NEAR: f64 = 8.4;
-/// The same in radii of the kernel times that spacing, which counts for kernels wider than those of all qualities. Farther away no kernel reaches the eye's plane, and the box
-/// around a footprint is at most twice as large as an affine one's if axes are at right angles.
+/// The same in radii of the kernel times that spacing, for wider kernels. Farther away no kernel reaches the eye's plane, and the box around
+/// a footprint is at most twice as large as an affine one's if axes are at right angles.
 pub(crate) const NEAR_RADII: f64 = 2.0;
 
 /// The rays of a perspective's pixels, and what voxels near the eye need.

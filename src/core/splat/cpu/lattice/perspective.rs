@@ -8,6 +8,7 @@ use glam::{DMat3, DVec3};
 use super::choose::LatticeView;
 use super::low_pass::LowPass;
 use super::resolution::EdgeRays;
+use super::tile_rays::stretch;
 use super::{Lattice, PlaneRays};
 use crate::splat::kernel::LOW_PASS;
 use crate::splat::near::NEAR;
@@ -152,18 +153,17 @@ pub(super) fn plane(lattice_view: &LatticeView) -> Option<Lattice> {
 fn change_in_tile(steps: &[DVec3; 3], first: [f64; 2], step: [f64; 2], size: [u32; 2]) -> f64 {
     /// Number of places along each side of the plane at which this is computed.
     const PLACES: u32 = 33;
-    let depth = |[fast, medium]: [f64; 2]| {
-        (steps[0] + steps[1] * fast + steps[2] * medium).length() / (1.0 + fast * fast + medium * medium).sqrt()
-    };
+    let stretch = |slopes: [f64; 2]| stretch(steps, slopes);
     let slope = |side: usize, place: u32| {
         first[side] + step[side] * f64::from(size[side]) * f64::from(place) / f64::from(PLACES - 1)
     };
     let mut most: f64 = 0.0;
     for (row, column) in (0..PLACES).flat_map(|row| (0..PLACES).map(move |column| (row, column))) {
         let middle = [slope(0, column), slope(1, row)];
+        let of_middle = stretch(middle);
         for [right, down] in [[-1.5, -1.5], [1.5, -1.5], [-1.5, 1.5], [1.5, 1.5]] {
             let corner = [middle[0] + right * step[0], middle[1] + down * step[1]];
-            most = most.max((depth(corner) / depth(middle) - 1.0).abs());
+            most = most.max((stretch(corner) / of_middle - 1.0).abs());
         }
     }
     most

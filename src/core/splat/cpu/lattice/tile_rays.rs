@@ -2,6 +2,8 @@
 //!
 //! In: a lattice, a tile, a kernel's shape. Out: weights at the tile's sixteen pixels. The formula is in mod.rs.
 
+use glam::DVec3;
+
 use super::{Lattice, Place, PlaneRays};
 use crate::splat::arith::{LOG2_E, keep_if, near_exp2_neg};
 use crate::splat::block_kernel::SHAPES;
@@ -82,6 +84,12 @@ pub(in super::super) fn near_weight(exponent: f32, cut: f32) -> f32 {
     keep_if(exponent <= cut, near_exp2_neg(exponent))
 }
 
+/// Returns how long a ray of these slopes is from slice to slice in the world, over its length in voxels: |S (1, t)| / |(1, t)|.
+#[inline(always)]
+pub(super) fn stretch(steps: &[DVec3; 3], [fast, medium]: [f64; 2]) -> f64 {
+    (steps[0] + steps[1] * fast + steps[2] * medium).length() / (1.0 + fast * fast + medium * medium).sqrt()
+}
+
 impl Lattice {
     /// Returns the rays of a tile, given as a column and a row, through kernels that are as wide along all axes.
     #[inline(always)]
@@ -121,10 +129,7 @@ impl Lattice {
         };
         let strength = match &self.rays {
             PlaneRays::Parallel { strength, .. } => *strength,
-            PlaneRays::Perspective { steps, strength, .. } => {
-                let length = (steps[0] + steps[1] * fast + steps[2] * medium).length();
-                (strength * (length / (1.0 + fast * fast + medium * medium).sqrt())) as f32
-            }
+            PlaneRays::Perspective { steps, strength, .. } => (strength * stretch(steps, [fast, medium])) as f32,
         };
         ([fast as f32, medium as f32], strength)
     }
