@@ -127,7 +127,7 @@ impl View {
             Projection::Perspective { fov } => {
                 let focal = rows / 2.0 / (fov.to_radians() / 2.0).tan();
                 let nearest = NEAR.max(NEAR_RADII * f64::from(kernel.radius));
-                let near = clip.max(nearest * steps.into_iter().fold(0.0, f64::max));
+                let near = clip.max(nearest * step_forward.sqrt());
                 let map = PixelMap::Perspective { camera_from_voxel, focal, centre, near };
                 (map, Viewpoint::Perspective { eye: eye_voxel, toward: unit(toward) })
             }

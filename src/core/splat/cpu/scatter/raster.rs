@@ -105,7 +105,12 @@ fn draw_near<B: Blend>(
     stop: f32,
 ) {
     for row in top..bottom + 1 {
-        for column in left..right + 1 {
+        let (mut from, mut to) = (left, right);
+        if right - left >= WIDE {
+            let chord = rays.chord(kernel, [0, 1, 2, 3].map(|line| (row << TILE_SHIFT) + line));
+            (from, to) = (from.max(chord[0] >> TILE_SHIFT), to.min(chord[1] >> TILE_SHIFT));
+        }
+        for column in from..to + 1 {
             let Some((index, tile)) = tiles.tile(column, row) else { continue };
             let (columns, rows) = tile_pixels(column, row);
             let mut amounts = rays.depths(kernel, &rays.rays(columns, rows), peak);
