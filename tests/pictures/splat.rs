@@ -557,6 +557,28 @@ fn a_clip_plane_shows_what_a_volume_without_the_voxels_behind_it_would() {
     assert!(drawn[..6].iter().all(|count| *count > 0) && drawn[6] == 0 && drawn[8] > drawn[4], "{drawn:?}");
 }
 
+/// Tiles of 8 x 8 lines reach beyond such grids, where products of indices overflowed: pictures were empty.
+#[test]
+fn a_clip_plane_in_front_of_a_thin_volume_hides_nothing() {
+    for dims in [[3, 20, 17], [20, 2, 17], [20, 17, 1], [3, 3, 3]] {
+        let model = packed(Grid::new(dims, [1.0; 3]).unwrap(), LIT, ramp(), |[x, y, z]| {
+            Some(Record { value: 100 + x + 3 * y + 5 * z, normal: 0, magnitude: 0, coverage: 0 })
+        });
+        for (azimuth, elevation) in [(20.0, 10.0), (70.0, -20.0), (200.0, 60.0), (-70.0, 75.0)] {
+            let camera = model.orbit(azimuth, elevation, None, [24, 20]);
+            let settings = Settings::every_pixel([24, 20]);
+            let (whole, stats) = model.render(&camera, &settings);
+            for normal in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.1, 2.0]] {
+                let point = normal.map(|n| -0.6 * n);
+                let (clipped, clipped_stats) =
+                    model.render(&camera, &settings.clone().with_clip(ClipPlane { point, normal }));
+                assert_eq!(stats.splats_drawn, clipped_stats.splats_drawn, "{dims:?} {azimuth} {elevation} {normal:?}");
+                assert!(bits(&whole) == bits(&clipped), "{dims:?} {azimuth} {elevation} {normal:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn a_clip_plane_without_a_direction_is_refused() {
     let settings = |normal| Settings::new([8, 8]).with_clip(ClipPlane { point: [0.0; 3], normal });

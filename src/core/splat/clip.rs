@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::Settings;
 use super::camera::SOUND_LENGTHS;
+use crate::arena::layout::TILE_EDGE;
 use crate::error::{Error, Result};
 use crate::traverse::VoxelBox;
 use crate::volume::Grid;
@@ -55,7 +56,7 @@ pub(crate) struct ClipRegion {
 
 /// A plane in voxel indices: voxels whose product with the normal is at least `least` are drawn.
 ///
-/// Products wrap around for indices outside the grid, which only damaged files have.
+/// Products wrap around for indices outside the grid's tiles, which only damaged files have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct IndexPlane {
     pub(crate) normal: [i32; 3],
@@ -103,13 +104,13 @@ impl ClipRegion {
 }
 
 impl IndexPlane {
-    /// Rounds a plane. The products of indices in the grid stay below 2^30.
+    /// Rounds a plane. The products of indices in the grid's tiles, which may reach beyond it, stay below 2^30.
     fn new(plane: &ClipPlane, grid: &Grid) -> IndexPlane {
         // A plane's normal is a covector: a step along an axis moves by its product with the world vector of the step.
         let normal = plane.unit_normal().unwrap_or(DVec3::NAN);
         let steps = [0, 1, 2].map(|a| normal.dot(DVec3::from_array(grid.direction[a])) * grid.spacing[a]);
         let from_origin = normal.dot(DVec3::from_array(plane.point) - DVec3::from_array(grid.origin));
-        let dims = grid.dims.map(f64::from);
+        let dims = grid.dims.map(|points| f64::from(points.next_multiple_of(TILE_EDGE.into())));
         let extent: f64 = (0..3).map(|a| steps[a].abs() * dims[a]).sum();
         // The longest step is a whole number, so that a plane across an axis is exact.
         let longest = steps.into_iter().map(f64::abs).fold(0.0, f64::max);
