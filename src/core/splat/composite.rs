@@ -215,6 +215,11 @@ impl<'a> Table<'a> {
         exposure
     }
 
+    /// Returns how many times as much an x-ray is exposed as it would be by itself; 1 in other modes.
+    pub(crate) fn overexposure(&self, lane: &Lane) -> f64 {
+        if self.mode == Mode::Additive { 1.0 / f64::from(self.exposure(lane)) } else { 1.0 }
+    }
+
     fn magnitude(&self, code: u8) -> f64 {
         self.magnitudes.as_ref().map_or(0.0, |codec| codec.decode(code))
     }

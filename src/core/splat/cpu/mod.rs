@@ -124,6 +124,10 @@ fn finer_for(
     Ok(finer.filter(|finer| finer.samples() <= MIXED_SAMPLES))
 }
 
+/// The most times as much as by itself that an x-ray of voxels smaller than pixels may be exposed on a lattice. Its filter ends where
+/// little is left, of which more exposure shows much: docs/studies/sampling.md.
+const MOST_FILTERED_EXPOSURE: f64 = 4.0;
+
 /// Draws the voxels of a scene, whatever their level. `front` tells what hides them.
 fn draw_scene(
     scene: &Scene,
@@ -149,8 +153,14 @@ fn draw_scene(
         let strongest = lattice.strongest().map_or_else(|| faint::strongest(&setup, &table), f64::from);
         faint::stacks(scene, &setup, &table, settings, strongest).is_some()
     };
-    let sample_grid =
-        sample_grid.filter(|sample_grid| !matches!(sample_grid, SampleGrid::Lattice(lattice) if is_faint(lattice)));
+    let is_overexposed = |lattice: &Lattice| {
+        settings.exposure.is_some()
+            && lattice.low_pass.deviation > 0.0
+            && table.overexposure(&setup.lane) > MOST_FILTERED_EXPOSURE
+    };
+    let sample_grid = sample_grid.filter(|sample_grid| {
+        !matches!(sample_grid, SampleGrid::Lattice(lattice) if is_faint(lattice) || is_overexposed(lattice))
+    });
     let supersampling = match &sample_grid {
         Some(SampleGrid::Supersampling(supersampling)) => Some(supersampling),
         _ => None,
