@@ -94,16 +94,15 @@ impl<'a> Ray<'a> {
                 let is_clipped = clip.is_some_and(|plane| {
                     (world - DVec3::from_array(plane.point)).dot(DVec3::from_array(plane.normal)) < 0.0
                 });
-                let value = voxels.value(at);
                 // Gradients are not known here: as steep as can be.
-                let opacity = transfer.opacity(value, f64::MAX);
+                let opacity = voxels.opacity(at, transfer);
                 if is_cropped || is_clipped || opacity <= 0.0 || light <= 1.0 - SEEN {
                     continue;
                 }
                 light *= 1.0 - opacity;
                 if opacity > best || light <= 1.0 - SEEN {
                     best = opacity;
-                    found = Some(Picked { index, world, value });
+                    found = Some(Picked { index, world, value: voxels.value(at) });
                 }
             }
         };
@@ -128,6 +127,19 @@ mod tests {
     use crate::look::SIDES;
     use adjsplat::splat::Up;
     use adjsplat::{Build, TransferFunction, Volume};
+
+    /// The header's scales gave them a value beyond the range, by rounding.
+    #[test]
+    fn voxels_at_the_end_of_the_range_are_picked() {
+        let samples: Vec<f64> = (0..1000).map(|at| if at == 0 { -1.7 } else { 0.42 }).collect();
+        let volume = Volume::new([10, 10, 10], samples).unwrap();
+        let model = Build::new(TransferFunction::range(-1.7, 0.42).unwrap()).run(&volume).unwrap();
+        let look = ViewLook::first(&model, None, [0; 3], [100, 100]).unwrap();
+        let direction = look.eye.axes()[2];
+        let origin = DVec3::splat(4.5) - direction * 100.0;
+        let picked = Ray::new(&model, &look, origin, direction).pick(None).unwrap();
+        assert!((picked.unwrap().value - 0.42).abs() < 1e-14);
+    }
 
     #[test]
     fn the_nearest_voxel_on_the_ray_is_picked() {

@@ -3,6 +3,7 @@
 //!
 //! Judged by closed forms (Levoy's formulas worked by hand, linear fields) and by the bounds that the codecs state.
 
+use adjsplat::arena::layout::Scales;
 use adjsplat::classify::colour::linear_from_srgb;
 use adjsplat::classify::gradient::{GridAxes, length};
 use adjsplat::classify::normal::{
@@ -632,6 +633,27 @@ fn whole_number_samples_come_back_bit_for_bit() {
         }
         assert_eq!(u32::from(q.largest_code()) + 1, expected);
         assert_eq!((q.decode(0), q.decode(q.largest_code())), (q.low(), q.high()));
+    }
+}
+
+/// Readers compute values from codes alone. A float64 export lost the voxels at the top when it was built again with the same range.
+#[test]
+fn no_code_has_a_value_beyond_the_range() {
+    let mut random = Random(5);
+    let mut ranges =
+        vec![[-1.7, 0.42], [-2.19, 2.05], [-1.7e308, 1.7e308], [0.0, 5e-324], [-1e300, 1.0], [1e16, 1e16 + 4.0]];
+    ranges.extend((0..2000).map(|_| {
+        let [low, size] = [0; 2].map(|_| (random.number() * 1000.0).round() / 100.0);
+        [low - 5.0, low - 5.0 + size + 0.01]
+    }));
+    for [low, high] in ranges {
+        for bits in [8, 16] {
+            let q = Quantiser::new([low, high], bits, SampleType::F64, 1.0, 0.0).unwrap();
+            let scales = Scales { value_low: q.low(), value_step: q.step(), magnitude_scale: 0.0 };
+            let last = scales.value(q.largest_code().into());
+            let step = q.step();
+            assert!(last <= high && high - last <= 1e-9 * step + high.abs() * 1e-15 + 5e-324, "{low} {high}: {last}");
+        }
     }
 }
 

@@ -165,7 +165,12 @@ impl Quantiser {
             return Err(Error::input("visible range", why));
         }
         let largest_code = if low == high { 0 } else { largest_code };
-        let step = if low == high { 0.0 } else { ratio(low, high, largest_code.into()) };
+        let mut step = if low == high { 0.0 } else { ratio(low, high, largest_code.into()) };
+        // Readers compute a value from its code alone. No code may be beyond the range, where nothing is visible.
+        let last = |step: f64| low / 2.0 + f64::from(largest_code) * (step / 2.0);
+        while low + f64::from(largest_code) * step > high && last(step) > high / 2.0 {
+            step = step.next_down();
+        }
         Ok(Quantiser { low, high, largest_code, step, exact: None })
     }
 

@@ -1,8 +1,8 @@
 //! The voxels that a walk over a model passes to its caller, with their values decoded.
 
-use crate::arena::Lane;
 use crate::arena::layout::Facts;
-use crate::classify::normal;
+use crate::arena::{Lane, stored_opacity};
+use crate::classify::{TransferFunction, normal};
 use crate::traverse::{Batch, Order};
 
 /// Some visible voxels of one slice, in visit order.
@@ -31,6 +31,10 @@ impl<'a> Voxels<'a> {
         Voxels { batch, lane, facts, order }
     }
 
+    fn value_code(&self, index: usize) -> u16 {
+        self.lane.value_code(self.batch.record_index(index))
+    }
+
     /// Returns how many voxels there are, at least 1.
     #[expect(clippy::len_without_is_empty, reason = "a walk hands over no empty batch")]
     pub fn len(&self) -> usize {
@@ -54,7 +58,17 @@ impl<'a> Voxels<'a> {
     /// # Panics
     /// If `index` is not below [`Voxels::len`].
     pub fn value(&self, index: usize) -> f64 {
-        self.facts.scales.value(self.lane.value_code(self.batch.record_index(index)).into())
+        self.facts.scales.value(self.value_code(index).into())
+    }
+
+    /// Returns the opacity that `transfer` gives voxel `index`, from 0 to 1 per reference length, if its gradient is as steep as can be.
+    ///
+    /// A value at an end of what the function shows counts as shown, though rounding may have moved it beyond.
+    ///
+    /// # Panics
+    /// If `index` is not below [`Voxels::len`].
+    pub fn opacity(&self, index: usize, transfer: &TransferFunction) -> f64 {
+        stored_opacity(transfer, &self.facts.scales, self.value_code(index), f64::MAX)
     }
 
     /// Returns the normal of voxel `index`: a world vector of length 1 opposite to the gradient; `None` if the voxel has no
