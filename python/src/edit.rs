@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use adjsplat::arena::layout::{Channels, Facts};
 use adjsplat::arena::{LaneSet, Overlay, Record};
-use adjsplat::classify::{MagnitudeCodec, normal};
+use adjsplat::classify::MagnitudeCodec;
+use adjsplat::classify::normal::{self, Coherence};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{RowsOutput, write_rows};
 use adjsplat::volume::Grid;
@@ -168,11 +169,12 @@ impl Codes {
     fn record(&self, added: &Added, index: usize) -> Result<Record> {
         let value = self.value(added.values[index])?;
         let gradient = |normal: [f64; 3]| self.grid.axes_from_world(normal).map(|part| -part);
+        let bits = self.channels.normal_bits;
         let normal = match added.normals.as_ref().map(|normals| gradient(normals[index])) {
-            None if self.channels.normal_bits == 8 => normal::NONE8.into(),
-            None => normal::NONE16,
+            None => normal::none(bits),
             // A normal points against the gradient.
-            Some(gradient) if self.channels.normal_bits == 8 => normal::encode8(gradient).into(),
+            Some(gradient) if self.channels.coherence => normal::encode_coherent(gradient, Coherence::ONE, bits),
+            Some(gradient) if bits == 8 => normal::encode8(gradient).into(),
             Some(gradient) => normal::encode16(gradient),
         };
         let magnitudes = self.magnitude.as_ref().zip(added.magnitudes.as_ref());

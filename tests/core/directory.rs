@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use adjsplat::arena::layout::{FileHeader, SectionEntry, header_checksum};
+use adjsplat::arena::layout::{FileHeader, LIMITED_MINOR, SectionEntry, SectionKind, header_checksum};
 use adjsplat::arena::{Arena, CodeCounts, Directory, Levels};
 use adjsplat::error::{Error, Result};
 use adjsplat::limits::Limits;
@@ -10,7 +10,10 @@ use adjsplat::splat::{Lanes as _, Orbit, Settings};
 use adjsplat::traverse::Viewpoint;
 use adjsplat::volume::Axis;
 use adjsplat::{Build, Model, TransferFunction, Volume};
+use zerocopy::byteorder::little_endian::U16;
 use zerocopy::{FromBytes as _, IntoBytes as _};
+
+use crate::format::assemble::{Part, Parts};
 
 /// An .adj file of a ball with the lanes x, y and z.
 fn file() -> Vec<u8> {
@@ -85,6 +88,19 @@ fn it_has_the_files_header_description_tiles_and_line_ends() {
         assert_eq!((want.record_count(), want.bytes(), want.bounds()), (got.record_count(), got.bytes(), got.bounds()));
         assert!(got.steps.is_empty());
     }
+}
+
+/// Its bytes were never wanted, and so the directory never complete.
+#[test]
+fn an_empty_section_at_the_end_needs_no_bytes() {
+    let mut parts = Parts::of_file(&file());
+    parts.header.minor = U16::new(LIMITED_MINOR);
+    parts.sections.push(Part { kind: SectionKind::LevelLimits as u16, axis: 255, element_bytes: 8, bytes: Vec::new() });
+    let whole = parts.file();
+    Arena::new(&whole).unwrap().check().unwrap();
+    let (directory, requests) = fetched(&whole, u64::MAX);
+    assert_eq!(requests, fetched(&file(), u64::MAX).1);
+    directory.check("ball.adj").unwrap();
 }
 
 #[test]

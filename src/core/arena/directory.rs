@@ -128,7 +128,7 @@ impl Directory {
             SectionRun { range: start + place.start..start + place.end, at: new.offset.get() }
         }));
         let levels = head.table.iter().rev().filter(|entry| entry.level().is_some());
-        Directory {
+        let mut directory = Directory {
             bytes: [header.as_bytes(), table.as_bytes()].concat(),
             whole,
             runs,
@@ -136,7 +136,9 @@ impl Directory {
             channels,
             level_places: levels.map(SectionEntry::place).collect(),
             levels: Vec::new(),
-        }
+        };
+        directory.pad();
+        directory
     }
 
     /// Returns where the beginnings of the file's levels of detail lie, level 1 first.
@@ -231,7 +233,15 @@ impl Directory {
         self.bytes.try_reserve(need).map_err(refused)?;
         self.bytes.resize(start, 0);
         self.bytes.extend_from_slice(bytes);
+        self.pad();
         Ok(())
+    }
+
+    /// Adds what follows the last run, if all runs have arrived: padding, in which empty sections may lie.
+    fn pad(&mut self) {
+        if self.next_run().is_none() {
+            self.bytes.resize(usize::try_from(self.whole).unwrap_or(usize::MAX).max(self.bytes.len()), 0);
+        }
     }
 
     /// Checks that every section has the content that the header says.
@@ -338,10 +348,10 @@ fn changed(name: &str) -> Error {
     Error::input(name, "is damaged, or changed while it was fetched; load it again, or run adj verify on the file")
 }
 
-/// Joins runs that follow one another, with only padding between them, at both places.
+/// Joins runs that follow one another, with only padding between them, at both places. Leaves out empty ones.
 fn joined(runs: impl Iterator<Item = SectionRun>) -> Vec<SectionRun> {
     let mut joined: Vec<SectionRun> = Vec::new();
-    for run in runs {
+    for run in runs.filter(|run| !run.range.is_empty()) {
         match joined.last_mut() {
             Some(last)
                 if aligned(last.range.end) == run.range.start

@@ -71,7 +71,7 @@ impl<'a> Overlay<'a> {
     /// Codes of channels that the arena does not store are ignored. A coverage of 0 stands for wholly visible.
     ///
     /// # Errors
-    /// [`Error::Input`] if `at` is outside the grid, or a code does not fit its channel.
+    /// [`Error::Input`] if `at` is outside the grid, or a code does not fit its channel or is no coverage.
     pub fn insert(&mut self, at: [u32; 3], record: Record) -> Result<Option<Record>> {
         let place = self.place(at)?;
         let channels = self.lanes.arena().facts().channels;
@@ -89,6 +89,10 @@ impl<'a> Overlay<'a> {
                 let why = format!("is {code}, but the file's channel has {bits} bits");
                 return Err(Error::input(format!("{what} code of voxel {at:?}"), why));
             }
+        }
+        if !Coverage::is_code(coverage, channels) {
+            let why = format!("is {coverage}, which is no coverage of some of a block: R25 of the format");
+            return Err(Error::input(format!("coverage code of voxel {at:?}"), why));
         }
         Ok(self.put(place, Some(Record { value: record.value, normal, magnitude, coverage })))
     }

@@ -1,7 +1,7 @@
 //! Overlays: after any edits, what a rebuilt arena gives.
 
 use adjsplat::Error;
-use adjsplat::arena::layout::Facts;
+use adjsplat::arena::layout::{Channels, Facts};
 use adjsplat::arena::{Arena, Lane, LaneSet, Overlay, OwnedLane};
 use adjsplat::arena::{Levels, Record};
 use adjsplat::build::Unobserved;
@@ -183,6 +183,14 @@ fn voxels_that_do_not_fit_are_refused() {
         let refused = overlay.insert([0, 0, 0], record);
         assert!(matches!(&refused, Err(Error::Input { what: named, .. }) if named.starts_with(what)), "{refused:?}");
     }
+    // A code whose first offset is 7: the file that it was written to failed its check.
+    let channels = Channels { coverage_bits: 16, ..LIT };
+    let bytes = VoxelMap::new([5, 6, 7], channels, Default::default()).bytes(3);
+    let lanes = LaneSet::new(Arena::new(&bytes).expect("sound"), None);
+    let mut covered = Overlay::new(&lanes);
+    let refused = covered.insert([0, 0, 0], Record { coverage: 7 << 7 | 1, ..Record::default() });
+    assert!(matches!(&refused, Err(Error::Input { what, .. }) if what.starts_with("coverage")), "{refused:?}");
+    covered.insert([0, 0, 0], Record { coverage: 6 << 7 | 1, ..Record::default() }).expect("it is some of a block");
     // There is no such channel, so nothing is lost.
     overlay.insert([0, 0, 0], Record { magnitude: 9, ..Record::default() }).expect("it fits");
     assert_eq!(overlay.get([0, 0, 0]), Some(Record::default()));

@@ -7,7 +7,7 @@
 //! `ADJ_BLESS=1 cargo test -p adjsplat-tests --test core examples` rewrites the examples and their results.
 //! `ADJ_PYTHON=require` makes a missing Python or numpy a failure.
 
-mod assemble;
+pub(crate) mod assemble;
 mod consume;
 mod damage;
 mod examples;
