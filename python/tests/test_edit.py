@@ -92,6 +92,19 @@ def test_normals_are_stored(model, tmp_path):
     assert np.abs(h.normals()[:2] - [[0.6, 0, 0.8], [0, -1, 0]]).max() < 0.02
 
 
+def test_normals_of_a_level_are_lit_in_full(tmp_path):
+    """Their lowest bits say how alike a block's normals are: they were those of the direction, and light was mottled."""
+    z, y, x = np.mgrid[:32, :32, :32] - 16
+    whole = adj.build((8 * np.sqrt(x * x + y * y + z * z)).astype(np.uint8), visible=(90, 110), levels=2)
+    level = adj.split(whole, tmp_path / "a.adjs", slab=16, preview=2).preview
+    bits = level.lanes["x"].bits[1]
+    normals = np.random.default_rng(1).normal(size=(level.count, 3))
+    g = level.edit().add(level.coordinates(), level.values(), normals=normals).save(tmp_path / "g.adj")
+    lane = g.lanes["x"]
+    codes = lane.normals[lane.steps > 0]
+    assert (codes & 1 == 0).all() and (codes >> bits & 3 == 0).all() and np.unique(codes).size > 100
+
+
 def test_magnitudes_are_stored(volume, tmp_path):
     f = adj.build(volume, transfer=adj.TransferFunction.contour(100))
     with pytest.raises(ValueError, match="magnitudes"):
