@@ -35,8 +35,8 @@ use super::view::{PixelMap, View};
 use crate::arena::visible::MAX_DEPTH;
 use crate::traverse::Viewpoint;
 
-/// Distance from the eye's plane below which a voxel has no footprint, in the most by which a voxel's length changes that distance: twice
-/// the radius of the widest kernel of all qualities, so that they draw the same voxels by footprints.
+/// Distance from the eye's plane below which a voxel has no footprint: twice the radius of the widest kernel of all qualities, so that they
+/// draw the same voxels by footprints. Its unit is the largest change of that distance in a step of length 1 in voxel coordinates.
 pub(crate) const NEAR: f64 = 8.4;
 /// The same in radii of the kernel, for wider kernels. Farther away no kernel reaches the eye's plane, and the box around a footprint is at
 /// most twice as large as an affine one's.
@@ -181,7 +181,7 @@ impl EyeRays {
 
     /// Returns the first and last column of the pixels in these rows that the kernel reaches, with a margin for rounding.
     ///
-    /// A long voxel crosses its box slantwise: engine with slices 30 times as far apart as points took 20 times as long without this.
+    /// A long voxel crosses its box slantwise: without this, engine with spacings of 1 : 1 : 30 took seven times as long from inside.
     pub(crate) fn chord(&self, kernel: &NearKernel, rows: [i32; 4]) -> [i32; 2] {
         let [r, forward, right, up] =
             [kernel.offset, self.forward, self.right, self.up].map(|axis| DVec3::from_array(axis.map(f64::from)));

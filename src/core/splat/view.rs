@@ -108,8 +108,9 @@ impl View {
         let centre = [(columns - 1.0) / 2.0, (rows - 1.0) / 2.0];
         let camera_from_voxel = [from_eye(right), from_eye(up), from_eye(forward)];
         let steps = world.steps.map(|step| step.length() / mean_voxel);
-        let step_forward: f64 = camera_from_voxel[2][..3].iter().map(|c| c * c).sum();
-        let reach = f64::from(kernel.radius) * step_forward.sqrt();
+        // By how much the distance from the eye's plane changes at most in a step of length 1 in voxel coordinates.
+        let steepness = camera_from_voxel[2][..3].iter().map(|c| c * c).sum::<f64>().sqrt();
+        let reach = f64::from(kernel.radius) * steepness;
         let clip = near.map_or(f64::NEG_INFINITY, |near| near / mean_voxel);
         let toward = world.voxel_from_world_vector(forward);
         let eye_voxel = world.voxel_from_world_vector(eye - world.origin);
@@ -127,7 +128,7 @@ impl View {
             Projection::Perspective { fov } => {
                 let focal = rows / 2.0 / (fov.to_radians() / 2.0).tan();
                 let nearest = NEAR.max(NEAR_RADII * f64::from(kernel.radius));
-                let near = clip.max(nearest * step_forward.sqrt());
+                let near = clip.max(nearest * steepness);
                 let map = PixelMap::Perspective { camera_from_voxel, focal, centre, near };
                 (map, Viewpoint::Perspective { eye: eye_voxel, toward: unit(toward) })
             }
