@@ -258,9 +258,9 @@ impl Directory {
         if self.all().all(is_sound) { Ok(()) } else { Err(changed(name)) }
     }
 
-    /// Returns the bytes of an `.adj` file without levels: of its first lane if the directory has that, else one without channels.
-    pub fn into_bytes(mut self) -> Vec<u8> {
-        self.bytes.resize(usize::try_from(self.whole).unwrap_or(usize::MAX).max(self.bytes.len()), 0);
+    /// Returns the bytes of an `.adj` file without levels, once they have arrived: of its first lane if the directory has that, else one
+    /// without channels.
+    pub fn into_bytes(self) -> Vec<u8> {
         self.bytes
     }
 

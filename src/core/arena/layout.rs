@@ -25,6 +25,7 @@ use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes, KnownLayout, Unaligne
 
 use super::curve::TileOrder;
 use super::levels::MOST_LEVELS;
+use crate::classify::value_of_code;
 use crate::volume::{Axis, Grid};
 
 /// The first eight bytes of a file: a byte that is not ASCII, "ADJ", then line breaks that a text transfer changes.
@@ -379,9 +380,7 @@ impl Scales {
     /// Returns the value of `code`, which may be fractional; finite if the lowest and highest codes have finite values.
     #[inline]
     pub fn value(&self, code: f64) -> f64 {
-        let value = self.value_low + code * self.value_step;
-        // The product may overflow although the value is finite.
-        if value.is_finite() { value } else { (self.value_low / 2.0 + code * (self.value_step / 2.0)) * 2.0 }
+        value_of_code(self.value_low, self.value_step, code)
     }
 }
 

@@ -70,6 +70,7 @@ pub use kind::{Cap, Contour, FactorPoint, Point};
 pub use magnitude::MagnitudeCodec;
 pub use palette::{Label, UnlistedLabels};
 pub use preset::PRESETS;
+pub(crate) use quantise::value_of_code;
 pub use quantise::{Quantiser, WholeNumbers};
 pub use smooth::Smoother;
 pub use transfer::TransferFunction;

@@ -167,8 +167,7 @@ impl Quantiser {
         let largest_code = if low == high { 0 } else { largest_code };
         let mut step = if low == high { 0.0 } else { ratio(low, high, largest_code.into()) };
         // Readers compute a value from its code alone. No code may be beyond the range, where nothing is visible.
-        let last = |step: f64| low / 2.0 + f64::from(largest_code) * (step / 2.0);
-        while low + f64::from(largest_code) * step > high && last(step) > high / 2.0 {
+        while value_of_code(low, step, largest_code.into()) > high {
             step = step.next_down();
         }
         Ok(Quantiser { low, high, largest_code, step, exact: None })
@@ -245,6 +244,14 @@ impl ExactCodes {
     fn value_of(&self, raw: i64) -> f64 {
         raw as f64 * self.slope + self.intercept
     }
+}
+
+/// Returns the value that readers compute of `code`, which may be fractional; finite if the lowest and highest codes have finite values.
+#[inline]
+pub(crate) fn value_of_code(low: f64, step: f64, code: f64) -> f64 {
+    let value = low + code * step;
+    // The product may overflow although the value is finite.
+    if value.is_finite() { value } else { (low / 2.0 + code * (step / 2.0)) * 2.0 }
 }
 
 /// Returns `(to - from) / by`, also where the difference would overflow.
