@@ -12,7 +12,7 @@ use indicatif::HumanBytes;
 use super::resources::resident_bytes;
 use adjsplat::arena::{Arena, Detail, Lane, LaneSet};
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::{IN_FLIGHT, LevelPart, PIXEL_BYTES, RAY_BYTES, level_settings};
+use adjsplat::internals::{LevelPart, PIXEL_BYTES, RAY_BYTES, in_flight, level_settings};
 use adjsplat::splat::cpu;
 use adjsplat::splat::cpu::Canvas;
 use adjsplat::splat::{Blending, Camera, Lanes, Projection, Settings, View};
@@ -99,7 +99,7 @@ impl MemoryShares {
             let drawing = drawing.max().unwrap_or(0).saturating_add(parts + measuring);
             // The frame is freed before its picture is encoded.
             let writing = kind.memory(depth, pixels);
-            let in_flight = IN_FLIGHT * threads as u64;
+            let in_flight = in_flight(arena.bytes().len() as u64) * threads as u64;
             base.saturating_add(drawing.max(writing)).saturating_add(kind.kept(depth, pixels, frames)) + in_flight
         };
         let need = |threads: usize| need_of(threads, &canvases);
@@ -153,9 +153,10 @@ fn levels<'a>(arena: &Arena<'a>) -> impl Iterator<Item = (usize, Arena<'a>)> {
     std::iter::once((0, arena.clone())).chain(coarser)
 }
 
-/// Returns how many bytes of `memory` the file's pages may take while one thread only reads the file.
-pub(super) fn memory_of_pages(memory: u64) -> u64 {
-    memory.saturating_sub(BASE.max(resident_bytes().unwrap_or(0)) + GROWTH + IN_FLIGHT).max(LEAST_RESIDENT)
+/// Returns how many bytes of `memory` the pages of a file of `file_bytes` may take while one thread only reads the file.
+pub(super) fn memory_of_pages(memory: u64, file_bytes: u64) -> u64 {
+    let base = BASE.max(resident_bytes().unwrap_or(0)) + GROWTH;
+    memory.saturating_sub(base + in_flight(file_bytes)).max(LEAST_RESIDENT)
 }
 
 /// The lanes (all scan lines along one axis each) of a file and of its levels; missing ones are derived if memory allows.

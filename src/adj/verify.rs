@@ -115,7 +115,8 @@ fn check_collection(path: &Path, arguments: &Arguments) -> Result<bool> {
 fn check(path: &Path, memory: Option<u64>) -> Result<u64> {
     let mut file = AdjFile::open(path)?;
     if let Some(memory) = memory {
-        file = file.keep_resident_below(memory_of_pages(memory))?;
+        let bytes = file.arena()?.bytes().len() as u64;
+        file = file.keep_resident_below(memory_of_pages(memory, bytes))?;
     }
     Ok(file.check()?.bytes)
 }

@@ -24,7 +24,7 @@ pub mod scatter {
 
 // Parts of the arena, of a build and of the volume's sources.
 pub use crate::arena::{
-    lane::STEPPING, pack::LanePacker, pager::IN_FLIGHT, record_set::RecordSet, transpose::transpose, visible::MAX_DEPTH,
+    lane::STEPPING, pack::LanePacker, pager::in_flight, record_set::RecordSet, transpose::transpose, visible::MAX_DEPTH,
 };
 pub use crate::build::{budget::Budget, description};
 pub use crate::volume::{phantom::fields::next_random, source::obtainable};

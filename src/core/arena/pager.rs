@@ -5,9 +5,29 @@
 
 use std::fmt::Debug;
 
-/// Most bytes, over all channels, that one reader announces before it reads them: one group of lines of a walk
-/// (tests/memory/lowmem.rs). Counted in whole blocks of 64 KiB, which the system maps at once.
-pub const IN_FLIGHT: u64 = 2 << 20;
+/// Fewest bytes of a mapped file that become resident at once. Linux maps the pages around a fault in aligned blocks of this
+/// size (`fault_around_bytes`).
+const LEAST_BLOCK_BYTES: u64 = 1 << 16;
+/// Most bytes that a system maps at once: the largest page that it keeps of a file.
+pub(crate) const MOST_BLOCK_BYTES: u64 = 2 << 20;
+/// Largest number of blocks of a file, up to files of 32 GiB. Linux has an area of addresses for each: by default at most
+/// 65,530 in a process, of about 200 bytes each.
+const MOST_BLOCKS: u64 = 1 << 14;
+/// Largest number of blocks, over all channels, that one reader announces before it reads them: one group of lines of a walk
+/// (tests/memory/lowmem.rs).
+const BLOCKS_IN_FLIGHT: u64 = 32;
+
+/// Returns how many bytes of a file of `file_bytes` become resident at once: a power of two from 64 KiB (files of up to
+/// 1 GiB) to 2 MiB.
+pub(crate) fn block_bytes(file_bytes: u64) -> u64 {
+    file_bytes.div_ceil(MOST_BLOCKS).clamp(LEAST_BLOCK_BYTES, MOST_BLOCK_BYTES).next_power_of_two()
+}
+
+/// Returns the most bytes of a file of `file_bytes` that one reader announces before it reads them: 2 MiB for files of up
+/// to 1 GiB.
+pub fn in_flight(file_bytes: u64) -> u64 {
+    BLOCKS_IN_FLIGHT * block_bytes(file_bytes)
+}
 
 /// Is told which mapped bytes are about to be read, and may release the pages of bytes that were read earlier.
 pub trait Pager: Debug + Send + Sync {

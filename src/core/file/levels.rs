@@ -10,7 +10,7 @@ use super::map::AdjFile;
 use super::write::{GivenLevels, RowsOutput, arena_bytes, facts_of_rows, open_rows};
 use crate::arena::layout::Facts;
 use crate::arena::levels::level_facts;
-use crate::arena::pager::IN_FLIGHT;
+use crate::arena::pager::in_flight;
 use crate::arena::{Arena, CoarserRows, LevelLook, Levels, Rows};
 use crate::build::builder::lanes_of;
 use crate::build::progress::{Observer, Phase};
@@ -26,17 +26,28 @@ const RESIDENT_BYTES: u64 = 16 << 20;
 /// A level that was made.
 pub(super) trait Made: Sized {
     fn arena(&self) -> Result<Arena<'_>>;
+    /// Takes no more memory than it must until it is read again.
+    fn rest(&self) -> Result<()>;
 }
 
 impl Made for Vec<u8> {
     fn arena(&self) -> Result<Arena<'_>> {
         Arena::new(self).map_err(|fault| Error::Format { path: "memory".into(), fault })
     }
+
+    fn rest(&self) -> Result<()> {
+        Ok(())
+    }
 }
 
 impl Made for AdjFile {
     fn arena(&self) -> Result<Arena<'_>> {
         AdjFile::arena(self)
+    }
+
+    fn rest(&self) -> Result<()> {
+        // Where the system cannot release pages, it may take them back by itself.
+        if cfg!(unix) { self.release() } else { Ok(()) }
     }
 }
 
@@ -74,6 +85,7 @@ fn levels<M: Made>(
             break;
         }
         let coarser = Facts { visible_voxels: voxels, ..coarser };
+        levels.last().map_or(Ok(()), M::rest)?;
         levels.push(match output.lane_count {
             0 | 1 => first,
             lanes => with_rows(Some(&first), rows, |rows| write(rows, &coarser, lanes, observer))?,
@@ -98,15 +110,18 @@ pub(crate) fn levels_in_files(
     observer: &mut dyn Observer,
 ) -> Result<Vec<AdjFile>> {
     let limit = most_resident(output);
-    // No level is made from one that is given.
-    let held = limit
-        .filter(|_| given.is_none())
-        .map_or(0, |limit| limit + output.threads.clamp(1, MOST_THREADS) as u64 * IN_FLIGHT);
-    let memory = output.memory.map(|memory| memory.saturating_sub(held));
+    let readers = output.threads.clamp(1, MOST_THREADS) as u64;
+    // The most memory that the level takes from which the next is made. None is made from one that is given.
+    let mut held = 0;
     let write = &mut |rows: &dyn Rows, facts: &Facts, lane_count: u8, observer: &mut dyn Observer| {
         let (facts, levels) = (facts.clone(), Levels::default());
+        let memory = output.memory.map(|memory| memory.saturating_sub(held));
         let output = RowsOutput { facts, description: DESCRIPTION, lane_count, memory, levels, ..output.clone() };
-        bounded(open_rows(folder, rows, &output, observer)?, limit)
+        let level = bounded(open_rows(folder, rows, &output, observer)?, limit)?;
+        if let (Some(limit), None) = (limit, given) {
+            held = limit + readers * in_flight(level.arena()?.bytes().len() as u64);
+        }
+        Ok(level)
     };
     levels(rows, given, output, observer, write)
 }

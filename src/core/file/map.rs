@@ -15,7 +15,7 @@ use std::sync::{Mutex, PoisonError};
 use memmap2::Mmap;
 
 use super::resident::ResidentPages;
-use crate::arena::pager::Pager;
+use crate::arena::pager::{MOST_BLOCK_BYTES, Pager, block_bytes};
 use crate::arena::{Arena, Checked};
 use crate::error::{Error, Result};
 use crate::limits::Limits;
@@ -83,19 +83,30 @@ impl AdjFile {
         Ok(opened)
     }
 
-    /// Limits the resident pages of the map to `bytes`, at least 64 KiB, plus
-    /// [`IN_FLIGHT`](crate::arena::pager::IN_FLIGHT) for each thread that reads.
+    /// Limits the resident pages of the map to `bytes`, plus [`in_flight`](crate::arena::pager::in_flight) for each thread
+    /// that reads.
     ///
     /// Everything that tells the arena's [`Pager`] what it is about to read respects the limit: walks, rendering, the
     /// check. Reading is slower if the same pages are released and read again.
     ///
     /// # Errors
-    /// [`Error::Io`] if the system cannot release pages: not on Unix, or the process has locked its memory.
+    /// [`Error::Io`] if the system cannot release pages: not on Unix, or the process has locked its memory; or if the
+    /// process has too many maps (Linux: `vm.max_map_count`).
     pub fn keep_resident_below(mut self, bytes: u64) -> Result<AdjFile> {
-        self.map.forgo_huge_pages();
-        self.map.release().map_err(Error::io("release the pages of", &self.path))?;
-        self.map.resident = Some(ResidentPages::new(&self.map.map, bytes));
+        let block_bytes = block_bytes(self.map.map.len() as u64);
+        self.map.divide(block_bytes).map_err(Error::io("divide the map of", &self.path))?;
+        self.release()?;
+        self.map.resident = Some(ResidentPages::new(&self.map.map, block_bytes, bytes));
         Ok(self)
+    }
+
+    /// Returns all resident pages to the system. The same bytes can be read again.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the system cannot release pages.
+    pub(super) fn release(&self) -> Result<()> {
+        self.map.resident.iter().for_each(ResidentPages::clear);
+        self.map.release().map_err(Error::io("release the pages of", &self.path))
     }
 
     /// Returns the file's arena.
@@ -154,10 +165,29 @@ impl FileMap {
         Err(std::io::ErrorKind::Unsupported.into())
     }
 
-    /// Asks the system not to use huge pages, which are larger than the blocks that [`ResidentPages`] counts.
-    fn forgo_huge_pages(&self) {
-        #[cfg(target_os = "linux")]
+    /// Makes the system map no more than a block at once.
+    ///
+    /// Linux keeps a file that was written or read in large pieces in pages of up to 2 MiB, and maps all of such a page, but
+    /// never beyond the area of addresses in which a byte was read. Neighbours with different attributes are different
+    /// areas. Here every other block is left out of core dumps, which hold no pages of files anyway.
+    #[cfg(target_os = "linux")]
+    fn divide(&self, block_bytes: u64) -> std::io::Result<()> {
+        use memmap2::Advice;
         // A system without huge pages refuses; then nothing needs to be done.
-        let _ = self.map.advise(memmap2::Advice::NoHugePage);
+        let _ = self.map.advise(Advice::NoHugePage);
+        if block_bytes == MOST_BLOCK_BYTES {
+            return Ok(());
+        }
+        let block = usize::try_from(block_bytes).expect("at most 2 MiB");
+        let first = self.map.as_ptr().addr().next_multiple_of(block) - self.map.as_ptr().addr();
+        for start in (first..self.map.len()).step_by(2 * block) {
+            self.map.advise_range(Advice::DontDump, start, block.min(self.map.len() - start))?;
+        }
+        Ok(())
+    }
+
+    #[cfg(not(target_os = "linux"))]
+    fn divide(&self, _block_bytes: u64) -> std::io::Result<()> {
+        Ok(())
     }
 }

@@ -1,14 +1,13 @@
 //! Counts which parts of a file map were read since its pages were last released.
 //!
-//! The system maps pages around a fault in aligned blocks of 64 KiB (Linux: `fault_around_bytes`), so a block counts as
-//! resident as a whole. Threads share the count and never wait for each other, except while pages are released.
+//! The system maps more than the page that is read, so a file is counted in blocks that it maps at once
+//! ([`block_bytes`](crate::arena::pager::block_bytes)). Threads share the count and never wait for each other, except while
+//! pages are released.
 //!
 //! After a release, a thread may touch pages that it announced before the release. Such blocks are resident but not
-//! counted until the next release; per reader they have at most [`IN_FLIGHT`](crate::arena::pager::IN_FLIGHT) bytes.
+//! counted until the next release; per reader they have at most [`in_flight`](crate::arena::pager::in_flight) bytes.
 
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
-
-pub(super) const BLOCK_BYTES: u64 = 1 << 16;
 
 /// The blocks of one file map that have been read since the last release of pages.
 #[derive(Debug)]
@@ -16,6 +15,7 @@ pub(super) struct ResidentPages {
     /// First address of the map; `len` is its length in bytes.
     base: usize,
     len: usize,
+    block_bytes: u64,
     /// One bit for each block that the map overlaps.
     blocks: Box<[AtomicU64]>,
     /// Number of set bits in `blocks`; briefly too small while other threads set bits.
@@ -24,18 +24,19 @@ pub(super) struct ResidentPages {
 }
 
 impl ResidentPages {
-    /// Starts counting for the map `bytes`, of which at most `most_bytes`, or one block, may be resident.
-    pub(super) fn new(bytes: &[u8], most_bytes: u64) -> ResidentPages {
+    /// Starts counting for the map `bytes` in blocks of `block_bytes`; at most `most_bytes`, or one block, may be resident.
+    pub(super) fn new(bytes: &[u8], block_bytes: u64, most_bytes: u64) -> ResidentPages {
         let base = bytes.as_ptr().addr();
-        let first = base as u64 / BLOCK_BYTES;
-        let last = (base as u64 + bytes.len() as u64) / BLOCK_BYTES;
+        let first = base as u64 / block_bytes;
+        let last = (base as u64 + bytes.len() as u64) / block_bytes;
         let words = (last - first + 1).div_ceil(64);
         ResidentPages {
             base,
             len: bytes.len(),
+            block_bytes,
             blocks: (0..words).map(|_| AtomicU64::new(0)).collect(),
             held: AtomicI64::new(0),
-            most: i64::try_from(most_bytes / BLOCK_BYTES).unwrap_or(i64::MAX).max(1),
+            most: i64::try_from(most_bytes / block_bytes).unwrap_or(i64::MAX).max(1),
         }
     }
 
@@ -48,8 +49,9 @@ impl ResidentPages {
         if bytes.is_empty() || !inside {
             return false;
         }
-        let first = self.base as u64 / BLOCK_BYTES;
-        let (from, to) = (start as u64 / BLOCK_BYTES - first, (start + bytes.len() - 1) as u64 / BLOCK_BYTES - first);
+        let block = |address: usize| address as u64 / self.block_bytes;
+        let first = block(self.base);
+        let (from, to) = (block(start) - first, block(start + bytes.len() - 1) - first);
         let mut new = 0;
         for block in from..=to {
             let Some(word) = usize::try_from(block / 64).ok().and_then(|word| self.blocks.get(word)) else { break };
@@ -83,7 +85,7 @@ mod tests {
     fn pieces_count_once_until_they_are_released() {
         let bytes = vec![0u8; 40 * SIZE];
         let block = |index: usize| &bytes[index * SIZE..][..1];
-        let resident = ResidentPages::new(&bytes, 4 * BLOCK_BYTES);
+        let resident = ResidentPages::new(&bytes, SIZE as u64, 4 * SIZE as u64);
         for _ in 0..3 {
             assert!((0..4).all(|index| !resident.note(block(index))));
         }

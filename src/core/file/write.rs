@@ -295,7 +295,7 @@ fn write_sections(
         section.write(first_limits.as_bytes())?;
         table.push(section.finish()?);
     }
-    for (number, level) in (1..=MOST_LEVELS).zip(&levels).rev() {
+    for (number, level) in (1..=MOST_LEVELS).zip(levels).rev() {
         let arena = level.arena()?;
         let mut section = out.section(SectionEntry::of_level(number), arena.bytes().len() as u64);
         for part in arena.bytes().chunks(1 << 20) {
@@ -304,7 +304,6 @@ fn write_sections(
         }
         table.push(section.finish()?);
     }
-    drop(levels);
     let assembler = Assembler::new(rows, facts.tile_order, output.memory, output.threads);
     let mut visible_voxels = 0;
     for axis in lanes {

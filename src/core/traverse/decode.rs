@@ -29,12 +29,12 @@ pub(super) struct LineGroup {
 
 /// Largest number of blocks of [`MAPPED_RECORDS`] records, in each channel, over which a group's lines may spread.
 const MOST_BLOCKS: u64 = 2;
-/// Number of records in a block of a file that a system maps at once, at one byte per record.
+/// Number of records in the smallest block of a file that a system maps at once, at one byte per record.
 const MAPPED_RECORDS: u64 = 1 << 16;
 
 impl LineGroup {
     /// Shortens this group of the first of `lines`. The pager (which is told what is about to be read) is then told of
-    /// at most 24 blocks at once, in channels of up to 8 bytes per record ([`crate::arena::pager::IN_FLIGHT`]).
+    /// at most 24 blocks at once, in channels of up to 8 bytes per record ([`crate::arena::pager::in_flight`]).
     pub(super) fn stay_near(&mut self, lines: &[GatheredLine]) {
         let (mut blocks, mut last, mut records) = (0, None, 0);
         for (index, line) in lines[..self.line_count].iter().enumerate() {
