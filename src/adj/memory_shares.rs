@@ -28,7 +28,7 @@ const GROWTH: u64 = 6 << 20;
 /// Bytes by which the memory of two runs may differ, as systems map more or less of the code at once.
 const BETWEEN_RUNS: u64 = 2 << 20;
 /// Fewest bytes of the file's pages that may be resident: with fewer, page faults take longer than drawing.
-const LEAST_RESIDENT: u64 = 4 << 20;
+pub(super) const LEAST_RESIDENT: u64 = 4 << 20;
 /// Bytes needed to derive a lane, per byte of the lane along x: the lane, its copy while it grows, and a strip.
 const DERIVING: u64 = 3;
 

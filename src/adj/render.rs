@@ -21,7 +21,7 @@ use super::build::{PackingArguments, classify_with_warnings};
 use super::classification::ClassificationArguments;
 use super::info::is_adj;
 use super::input::{Input, InputArguments};
-use super::memory_shares::{BoundedLanes, MemoryShares};
+use super::memory_shares::{BoundedLanes, LEAST_RESIDENT, MemoryShares};
 use super::progress::{Progress, interrupted, stop};
 use super::renderer::{RendererArguments, needs_volume};
 use super::resources::processors;
@@ -223,10 +223,13 @@ impl RenderJob<'_> {
     }
 
     fn draw_file(&self, file: AdjFile, mut settings: Settings, transfer: Option<TransferFunction>) -> Result<Answer> {
-        let cameras = self.pictured(&file.arena()?, &mut settings)?;
         let Some(memory) = self.memory else {
+            let cameras = self.pictured(&file.arena()?, &mut settings)?;
             return draw(self, settings, &cameras, BoundedLanes::new(file.arena()?, None, None), transfer);
         };
+        // The pages read to open the file, and all that the system mapped with them, need not stay.
+        let file = file.keep_resident_below(LEAST_RESIDENT)?;
+        let cameras = self.pictured(&file.arena()?, &mut settings)?;
         let shares = self.shares(memory, &file.arena()?, &mut settings, &cameras, transfer.as_ref())?;
         settings.threads = shares.threads;
         let file = file.keep_resident_below(shares.resident)?;

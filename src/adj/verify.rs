@@ -7,7 +7,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::flags::one_line;
-use super::memory_shares::memory_of_pages;
+use super::memory_shares::{LEAST_RESIDENT, memory_of_pages};
 use super::size::memory;
 use super::{Answer, print_line, print_note};
 use adjsplat::collection::Collection;
@@ -115,6 +115,8 @@ fn check_collection(path: &Path, arguments: &Arguments) -> Result<bool> {
 fn check(path: &Path, memory: Option<u64>) -> Result<u64> {
     let mut file = AdjFile::open(path)?;
     if let Some(memory) = memory {
+        // The pages read to open the file, and all that the system mapped with them, need not stay.
+        file = file.keep_resident_below(LEAST_RESIDENT)?;
         let bytes = file.arena()?.bytes().len() as u64;
         file = file.keep_resident_below(memory_of_pages(memory, bytes))?;
     }
