@@ -42,3 +42,16 @@ pub(crate) fn tell<'a>(pager: Option<&dyn Pager>, bytes: impl FnOnce() -> &'a [u
         pager.about_to_read(bytes());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_grow_with_the_file_so_that_few_areas_of_addresses_hold_it() {
+        let kib = |file_bytes| block_bytes(file_bytes) >> 10;
+        assert_eq!([0, 1, 1 << 30].map(kib), [64; 3]);
+        assert_eq!([(1 << 30) + 1, 4 << 30, (16 << 30) + 1, u64::MAX].map(kib), [128, 256, 2048, 2048]);
+        assert_eq!(in_flight(1 << 30), 2 << 20);
+    }
+}
