@@ -10,6 +10,17 @@ fn render(folder: &Folder, more: &str) {
     folder.adj(&format!("render {SCENE} {more}")).done();
 }
 
+/// It was rounded to three digits.
+#[test]
+fn the_background_of_translucent_pictures_is_the_colour_that_is_documented() {
+    let folder = Folder::new();
+    let translucent = r##"--tf {"kind":"range","low":100,"high":150,"opacity":0.3,"colours":["#ffffff"]} --unlit -o"##;
+    folder.adj(&format!("render phantom:gyroid --dims 12x12x12 --size 20x20 {translucent} a.exr")).done();
+    let named = "render phantom:gyroid --dims 12x12x12 --size 20x20 --background #14181d";
+    folder.adj(&format!("{named} {translucent} b.exr")).done();
+    folder.adj("compare a.exr b.exr --max-error 0").done();
+}
+
 #[test]
 fn pictures_in_every_format_are_read_as_they_were_written() {
     let folder = Folder::new();

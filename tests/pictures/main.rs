@@ -16,4 +16,5 @@ mod metrics;
 mod optics;
 mod reference;
 mod sampling;
+mod small;
 mod splat;

@@ -147,7 +147,7 @@ impl LookArguments {
 }
 
 /// The background behind what is translucent, linear: #14181d.
-const DARK: [f32; 3] = [0.007, 0.009, 0.012];
+const DARK: [f32; 3] = [0.006_995_41, 0.009_134_059, 0.012_286_488];
 
 /// Formats the settings that `--max-error` chose as flags.
 pub(super) fn chosen(settings: &Settings, measured: f64) -> String {

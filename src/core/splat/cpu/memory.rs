@@ -77,8 +77,10 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
     let depths = (0..=DEPTHS).map(|index| MAX_DEPTH * (f64::from(index) / f64::from(DEPTHS)).powi(3));
     let supersampling = Supersampling::new(&view, bounds, settings);
     let canvases = depths.map(|deepest| canvas_of_depth(&view, &order, bounds, deepest, supersampling, settings));
+    // Nor is it known whether there are few voxels.
+    let of_few = SampleGrid::of_few_voxels(&view, bounds, 0.0, settings).map(canvas_of);
     let need = |canvas: &Canvas| memory_need(grid.dims, 0, *canvas, view.is_perspective(), settings);
-    Ok(canvases.max_by_key(need).unwrap_or(Canvas::Picture))
+    Ok(canvases.chain(of_few).max_by_key(need).unwrap_or(Canvas::Picture))
 }
 
 /// Returns where a view of voxels is drawn whose largest optical depth is `deepest`.
@@ -92,7 +94,12 @@ fn canvas_of_depth(
 ) -> Canvas {
     // A lattice needs no less than the picture, which is drawn instead if there are few voxels.
     let voxels = f64::INFINITY;
-    match SampleGrid::choose(view, order, bounds, [deepest, voxels], supersampling, settings) {
+    canvas_of(SampleGrid::choose(view, order, bounds, [deepest, voxels], supersampling, settings))
+}
+
+/// Returns where these samples are drawn.
+fn canvas_of(sample_grid: Option<SampleGrid>) -> Canvas {
+    match sample_grid {
         Some(SampleGrid::Lattice(lattice)) => {
             Canvas::Lattice { size: lattice.size, kept: lattice.kept(), copied: lattice.copied() }
         }

@@ -50,9 +50,9 @@ use super::frame::Frame;
 use super::kernel::LOW_PASS;
 use super::levels::{LevelPart, facts_of, level_parts};
 use super::setup::FrameSetup;
-use super::supersample::{Supersampling, splat_low_pass};
+use super::supersample::{Supersampling, sigma_at_centre, splat_low_pass};
 use super::view::View;
-use super::{Camera, Scene, Settings, Stats};
+use super::{Camera, Sampling, Scene, Settings, Stats};
 use crate::error::Result;
 use crate::traverse::{Order, Sense, VoxelBox};
 
@@ -144,9 +144,11 @@ fn draw_scene(
     let bounds = if settings.keeps_pixels() { None } else { setup.lane.bounds() };
     let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
     let sample_grid = bounds.and_then(|bounds| {
-        let supersampling = Supersampling::new(&setup.view, &bounds, settings);
-        let voxels = scene.facts.visible_voxels;
-        SampleGrid::choose(&setup.view, &setup.order, &bounds, [deepest, voxels as f64], supersampling, settings)
+        let voxels = scene.facts.visible_voxels as f64;
+        SampleGrid::of_few_voxels(&setup.view, &bounds, voxels, settings).unwrap_or_else(|| {
+            let supersampling = Supersampling::new(&setup.view, &bounds, settings);
+            SampleGrid::choose(&setup.view, &setup.order, &bounds, [deepest, voxels], supersampling, settings)
+        })
     });
     // Faint scenes are drawn in stacks, on the picture's own pixels. Splats are fainter there than on a lattice if voxels are small.
     let is_faint = |lattice: &Lattice| {
@@ -200,6 +202,13 @@ fn draw_scene(
     Ok((frame, work))
 }
 
+/// The most voxels of a scene that is drawn without a lattice, on at most so many samples. Most of its pixels show outlines, which a
+/// lattice draws least exactly, and it takes no longer. Measured: docs/studies/sampling.md.
+const FEW_VOXELS: f64 = 4096.0;
+const FEW_SAMPLES: f64 = 65_536.0;
+/// The width of footprints in pixels, as a standard deviation, from which on a lattice is faster even then.
+const WIDE_FOOTPRINT: f32 = 1.0;
+
 /// Where samples are drawn that are not the picture's pixels; the picture is then computed from them.
 enum SampleGrid {
     Lattice(Box<Lattice>),
@@ -207,6 +216,21 @@ enum SampleGrid {
 }
 
 impl SampleGrid {
+    /// Returns how a scene of few voxels is sampled, in drafts as at other qualities: `Some(None)` is one sample for each pixel. `None` if
+    /// there are too many voxels or samples, and in other modes than composites.
+    fn of_few_voxels(view: &View, bounds: &VoxelBox, voxels: f64, settings: &Settings) -> Option<Option<SampleGrid>> {
+        let is_small = voxels <= FEW_VOXELS
+            && settings.mode == Mode::Composite
+            && !settings.keeps_pixels()
+            && sigma_at_centre(view, bounds, settings) < WIDE_FOOTPRINT;
+        if !is_small {
+            return None;
+        }
+        let supersampling = Supersampling::new(view, bounds, &settings.clone().with_sampling(Sampling::Finer));
+        let samples = samples_shown(view, bounds, supersampling.as_ref());
+        (samples <= FEW_SAMPLES).then(|| supersampling.map(SampleGrid::Supersampling))
+    }
+
     /// Returns the best way to sample a view of the voxels in `bounds`; `None` to draw one sample for each pixel.
     ///
     /// `deepest` is the largest optical depth of any voxel, along a ray as long as the mean spacing; `voxels` is their number, or

@@ -10,8 +10,7 @@ use super::project::{Projector, affine_at, limited, nearest_pixel, pixel_span, s
 use super::scatter::maximum::{MaximumRays, advance};
 use super::splats::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, combine, full_rect};
-use super::tile_buffer::{Rect, TILE_SHIFT, TileBuffer, index_in_tile};
-use super::warp::halved;
+use super::tile_buffer::{Rect, TILE_SHIFT, TileBuffer, halve_rows, index_in_tile};
 use crate::arena::layout::Channels;
 use crate::classify::normal::{self, Coherence};
 use crate::error::Result;
@@ -135,7 +134,13 @@ pub(super) fn draw_on_lattice<B: Blend>(
         *pixel = [red, green, blue, if transmits { 1.0 - alpha } else { alpha }];
     });
     let halves = lattice.halves();
-    let kept = if halves == [false; 2] { frame } else { halved(&frame, halves, threads)? };
+    if halves == [false; 2] {
+        return Ok((frame, BandStats::of(&bands)));
+    }
+    let (columns, rows) = (frame.size()[0] as usize, frame.pixels().as_chunks().0);
+    let mut kept = Frame::transparent(lattice.kept())?;
+    let first = |y: usize| (y << u32::from(halves[1])) * columns;
+    kept.fill_rows(threads, |y, row| halve_rows(&rows[first(y)..], columns, halves, row));
     Ok((kept, BandStats::of(&bands)))
 }
 

@@ -68,9 +68,10 @@ impl LowPass {
     }
 
     /// Returns the variance along columns and along rows that a Gaussian over the coefficients of the spline through the halved plane has
-    /// beside that of the low-pass, in square pixels: a cubic B-spline's. The mean of 2^n pixels is a filter, too.
+    /// beside that of the low-pass, in square pixels: a cubic B-spline's, less what halving has smoothed already: 1/16 at first.
     pub(in super::super) fn spline_variance(&self) -> [f64; 2] {
-        self.halvings.map(|halvings| 1.0 / 3.0 - (1.0 - 0.25f64.powi(halvings as i32)) / 12.0)
+        let of_halvings = |halvings: i32| if halvings == 0 { 0.0 } else { 0.25 - 0.75 * 0.25f64.powi(halvings) };
+        self.halvings.map(|halvings| 1.0 / 3.0 - of_halvings(halvings as i32))
     }
 
     /// Returns the first pixel of a plane that covers what lies between `low` and `high` pixels along columns (`side` 0) or rows (1),

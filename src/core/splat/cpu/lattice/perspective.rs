@@ -24,6 +24,9 @@ const WIDE_ANGLE: f64 = 0.768;
 /// Width of a footprint, in pixels, up to which a voxel is tiny, and this does not hold: that of the low-pass on sixteen samples
 /// a pixel's side.
 const TINY_FOOTPRINT: f64 = 0.0375;
+/// Least distance of the picture's plane from the eye, in its pixels. Where the angle between pixels is larger, what a pixel takes of the
+/// plane is no ellipse: light was up to two pixels beside its place.
+const LEAST_FOCAL: f64 = 2.5;
 /// Least density of the plane's pixels anywhere as a share of that in the middle of the picture, in pixels of the picture.
 const AT_ENDS: f64 = 0.8;
 /// Largest standard deviation of the filter where the picture shows the box of the voxels, for
@@ -52,7 +55,7 @@ pub(super) fn plane(lattice_view: &LatticeView) -> Option<Lattice> {
     let along = |n: usize| (forward[slow_fast_medium[n]] * low[n]).min(forward[slow_fast_medium[n]] * high[n]);
     let nearest_depth = forward[3] + along(0) + along(1) + along(2);
     // Slices nearer than so many slices are seen under too many angles. A clip cuts slices where the view does not run along the slow axis.
-    if nearest < NEAR || view.clip > nearest_depth {
+    if nearest < NEAR || view.clip > nearest_depth || *focal < LEAST_FOCAL {
         return None;
     }
     let column = |axis: usize| DVec3::from_array([0, 1, 2].map(|row: usize| camera_from_voxel[row][axis]));

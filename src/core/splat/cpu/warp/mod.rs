@@ -6,7 +6,7 @@
 //! plane -> coefficients of the spline (a recursive filter along rows, then columns) -> homography -> picture
 //! ```
 //!
-//! Where voxels are smaller than pixels, the plane is halved first if they are much smaller: the mean of two pixels becomes one. The
+//! Where voxels are smaller than pixels, the plane is halved first if they are much smaller: a mean of pixels becomes one. The
 //! low-pass is then a Gaussian over the coefficients of the spline. A cubic B-spline is nearly a Gaussian of variance 1/3, so one
 //! that is wider by this stands for both.
 //!
@@ -26,7 +26,6 @@ use self::gaussian::{Variances, blur};
 use self::plane::Plane;
 use self::spline::{filter_columns, filter_rows, resample};
 use super::lattice::{Lattice, LowPass};
-use super::tile_buffer::halve_rows;
 use crate::error::Result;
 use crate::splat::Frame;
 
@@ -82,13 +81,30 @@ pub(super) fn warp(
     Ok(picture)
 }
 
-/// Returns the plane with half as many columns, rows, or both, as `halves` says. Its pixels are means;
-/// beyond the edges, pixels are 0.
-pub(super) fn halved(plane: &Frame, halves: [bool; 2], threads: usize) -> Result<Frame> {
+/// The pixels that become one where a plane is halved again, counted from the one before the first of a pair, and their weights.
+/// With the mean of each pair, what is smaller than a pixel of the halved plane would move to its middle.
+const HALVED: [(usize, f32); 4] = [(0, 0.125), (1, 0.375), (2, 0.375), (3, 0.125)];
+
+/// Returns the plane with half as many columns, rows, or both, as `halves` says. Its pixels are weighted means of four pixels along
+/// each of these sides; beyond the edges, pixels are 0.
+fn halved(plane: &Frame, halves: [bool; 2], threads: usize) -> Result<Frame> {
     let columns = plane.size()[0] as usize;
     let each = halves.map(|halved| 1 + u32::from(halved));
+    let taps = halves.map(|halved| if halved { &HALVED[..] } else { &[(1, 1.0)] });
     let mut halved = Frame::transparent([0, 1].map(|side: usize| plane.size()[side].div_ceil(each[side])))?;
-    let rows = plane.pixels().as_chunks().0;
-    halved.fill_rows(threads, |y, row| halve_rows(&rows[each[1] as usize * y * columns..], columns, halves, row));
+    let [across, down] = each.map(|each| each as usize);
+    halved.fill_rows(threads, |y, row| {
+        for (below, weight) in taps[1] {
+            let line = plane.pixels().as_chunks::<4>().0.chunks_exact(columns).nth((down * y + below).wrapping_sub(1));
+            for (x, pixel) in row.iter_mut().enumerate() {
+                for (right, share) in taps[0] {
+                    let part = line.and_then(|line| line.get((across * x + right).wrapping_sub(1)));
+                    for c in 0..4 {
+                        pixel[c] += weight * share * part.map_or(0.0, |part| part[c]);
+                    }
+                }
+            }
+        }
+    });
     Ok(halved)
 }
