@@ -13,12 +13,12 @@ mod complaints;
 mod completions;
 mod composite;
 mod cull;
-#[cfg(unix)]
-mod cut_file;
 mod demo;
 #[cfg(feature = "gpu")]
 mod devices;
 mod export;
+#[cfg(unix)]
+mod fatal;
 mod flags;
 mod histogram;
 mod info;
@@ -102,16 +102,16 @@ enum Command {
 
 /// Runs the program with the process's arguments.
 fn main() -> ExitCode {
+    #[cfg(unix)]
+    {
+        fatal::catch_fatal_signals();
+        // A write beyond the largest size of a file (ulimit -f) then fails, as on a full disk. Else it ends the process.
+        let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
+    }
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => return usage(&error),
     };
-    #[cfg(unix)]
-    {
-        cut_file::catch_cut_files();
-        // A write beyond the largest size of a file (ulimit -f) then fails, as on a full disk. Else it ends the process.
-        let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
-    }
     // A window, a server and a check have nothing to finish: they end at once. So does a comparison before it writes.
     if !matches!(cli.command, Command::View(_) | Command::Serve(_) | Command::Verify(_) | Command::Compare(_)) {
         progress::catch_interrupts();
