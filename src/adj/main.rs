@@ -244,8 +244,20 @@ fn printable(text: &str) -> String {
     text.chars().map(|c| if is_kept(c) { c.to_string() } else { c.escape_default().to_string() }).collect()
 }
 
-/// Checks that `output` is none of the `others`: files of the call, and folders whose files are all read.
+/// Checks that an output of the call is not called `-`, which elsewhere is stdout.
+fn check_name(flag: &str, output: &Path) -> Result<()> {
+    if output == Path::new("-") {
+        return Err(Error::input(
+            flag,
+            "is -, which is no name; for stdout give /dev/stdout, for a file of this name ./-",
+        ));
+    }
+    Ok(())
+}
+
+/// Checks that `output` has a name, and is none of the `others`: files of the call, and folders whose files are all read.
 fn check_apart(flag: &str, output: &Path, others: impl IntoIterator<Item = impl AsRef<Path>>) -> Result<()> {
+    check_name(flag, output)?;
     let is_within = |folder: &Path| {
         let paths = (folder.canonicalize(), output.canonicalize());
         folder.is_dir() && matches!(paths, (Ok(folder), Ok(output)) if output.starts_with(&folder))
