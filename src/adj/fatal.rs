@@ -37,7 +37,9 @@ const ABORTED: &str = "adj: stopped for the reason above; if memory is short, ta
 pub(super) fn catch_fatal_signals() {
     forgo_default_handler();
     let (sender, receiver) = channel::<Signals>();
+    let (ready, started) = channel();
     let speaker = std::thread::Builder::new().spawn(move || {
+        let _ = ready.send(());
         let mut reserve: Vec<u8> = Vec::new();
         let _ = reserve.try_reserve_exact(RESERVE);
         // Dropped only with the process: that would wait for the threads in the handler.
@@ -72,6 +74,8 @@ pub(super) fn catch_fatal_signals() {
     });
     // Without a thread or a handler the signal ends the process; that is no reason to fail.
     if speaker.is_ok()
+        // A thread cannot start while another overflows its stack.
+        && started.recv().is_ok()
         && let Ok(signals) = Signals::new([SIGBUS, SIGABRT])
         && sender.send(signals).is_ok()
     {

@@ -18,20 +18,20 @@ const ABORTED: &str = "adj: stopped for the reason above; if memory is short, ta
 #[test]
 fn memory_that_is_refused_ends_with_a_line_and_leaves_nothing() {
     let folder = Folder::new();
-    folder.adj("build phantom:gyroid --dims 96x96x96 -q -o a.adj").done();
+    folder.adj("build phantom:gyroid --dims 64x64x64 -q -o a.adj").done();
     folder.adj("render a.adj --renderer cpu -q -o a.png").done();
     let starts = |kib: &u32| limited(&folder, &format!("-v {kib}"), "info a.adj").code == Some(0);
     let least = (4..64).map(|n| n << 13).find(starts).expect("half a gigabyte is enough");
     let mut aborted = 0;
     for line in [
-        "build phantom:gyroid --dims 96x96x96 -q -o out.adj",
-        "build phantom:gyroid --dims 96x96x96 -q -o out.adj --threads 1024",
+        "build phantom:gyroid --dims 64x64x64 -q -o out.adj",
+        "build phantom:gyroid --dims 64x64x64 -q -o out.adj --threads 1024",
         "trim a.adj --levels auto -q -o out.adj",
-        "split a.adj --slab 32 -q -o out.adjs",
+        "split a.adj --slab 16 -q -o out.adjs",
         "render a.adj --renderer cpu -q -o out.png",
         "compare a.png a.png",
     ] {
-        for more in (0..96).step_by(6) {
+        for more in (0..96).step_by(8) {
             let limit = format!("-v {}", least + (more << 10));
             let ran = limited(&folder, &limit, line);
             // Rust's own lines, of several threads, are before it.
@@ -39,7 +39,7 @@ fn memory_that_is_refused_ends_with_a_line_and_leaves_nothing() {
             match ran.code {
                 // A brick that could not be mapped again was not counted.
                 Some(0) => {
-                    assert!(!line.contains("split") || ran.stdout.contains("3 bricks, 3 with"), "{}", ran.stdout)
+                    assert!(!line.contains("split") || ran.stdout.contains("4 bricks, 4 with"), "{}", ran.stdout)
                 }
                 Some(2) => assert!(!told.is_empty(), "{limit}, {line}: {}", ran.stderr),
                 code => panic!("{code:?}: {limit}, {line}: {}", ran.stderr),
