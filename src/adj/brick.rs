@@ -11,7 +11,7 @@ use super::progress::{Progress, interrupted};
 use super::resources::ResourceArguments;
 use super::split::CutArguments;
 use super::values::levels;
-use super::{Answer, check_output, print_line};
+use super::{Answer, check_name, check_output, print_line};
 use adjsplat::arena::Levels;
 use adjsplat::build::Resources;
 use adjsplat::collection::{Findings, Partition, Plan};
@@ -214,6 +214,7 @@ fn agree(arguments: &AgreeArguments) -> Result<Answer> {
 
 fn build(arguments: &BuildArguments) -> Result<Answer> {
     let BuildArguments { brick, output } = arguments;
+    check_name("--output", output)?;
     let input = Input::find(&brick.input)?;
     let (plan, mut source) = brick.open(&input)?;
     let is_new = match std::fs::create_dir(output) {

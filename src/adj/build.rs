@@ -8,7 +8,7 @@ use indicatif::{HumanBytes, HumanCount};
 use serde_json::json;
 
 use super::classification::ClassificationArguments;
-use super::cull::{CullArguments, Culled, cull};
+use super::cull::{CullArguments, Culled, check_cull_memory, cull};
 use super::input::{Input, InputArguments, phantom};
 use super::progress::{Progress, interrupted};
 use super::resources::{ResourceArguments, peak_rss_bytes};
@@ -134,6 +134,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let path = &arguments.output(input.path())?;
     check_adj_output(path, input.all_files(&source))?;
     let header = source.header().clone();
+    culling.iter().try_for_each(|culling| check_cull_memory(header.grid.dims, culling))?;
     let folder = scratch_folder(path)?;
     let resources = Resources { memory: Some(memory), threads, folder: Some(folder.clone()) };
     let budget = Budget::new(&header, &options, &resources, source.buffer_bytes())?;

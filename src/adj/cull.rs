@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use clap::Args;
+use indicatif::HumanBytes;
 use serde_json::{Value, json};
 
 use super::build::{Written, write_adj};
@@ -17,7 +18,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput};
 use adjsplat::splat::Scene;
 use adjsplat::volume::Axis;
-use adjsplat_judge::hidden::{Algorithm, Culling, CullingStage, DEFAULT_EPS, DEFAULT_VIEWS, find};
+use adjsplat_judge::hidden::{Algorithm, Culling, CullingStage, DEFAULT_EPS, DEFAULT_VIEWS, check_memory, find};
 
 /// The flags that say whether to leave out voxels that no view from outside shows.
 #[derive(Debug, Args)]
@@ -85,12 +86,25 @@ impl Culled {
             self.report["visible_before"],
             100.0 * number("removed") / number("visible_before").max(1.0),
             self.report["algorithm"].as_str().unwrap_or_default(),
-            indicatif::HumanBytes(self.written.bytes),
-            indicatif::HumanBytes(self.report["bytes_before"].as_u64().unwrap_or(0)),
+            HumanBytes(self.written.bytes),
+            HumanBytes(self.report["bytes_before"].as_u64().unwrap_or(0)),
             self.report["judging_views"],
             number("worst_difference"),
         )
     }
+}
+
+/// Checks, before the visible voxels of a grid of `dims` points are found, that the memory may suffice for finding hidden ones.
+pub(super) fn check_cull_memory(dims: [u32; 3], culling: &Culling) -> Result<()> {
+    check_memory(dims, culling).map_err(|error| with_flag(error, culling))
+}
+
+/// Returns the error with the flag to change, if it is of memory.
+fn with_flag(error: Error, culling: &Culling) -> Error {
+    let Error::Limit { need, have, .. } = error else { return error };
+    let (need, have, threads) = (need.div_ceil(1 << 20), HumanBytes(have), culling.threads);
+    let fewer = if threads > 1 { format!(", or fewer --threads than {threads}") } else { String::new() };
+    Error::input("--memory", format!("is {have}, but finding hidden voxels takes {need}MiB; give that much{fewer}"))
 }
 
 /// Writes the voxels of `file` without the hidden ones to `output`, with as many lanes, and with `levels`.
@@ -112,7 +126,7 @@ pub(super) fn cull(file: &AdjFile, output: &Path, culling: &Culling, levels: Lev
         };
         progress.show(what, done, total)
     };
-    let hidden = find(&scene, culling, &mut watch)?;
+    let hidden = find(&scene, culling, &mut watch).map_err(|error| with_flag(error, culling))?;
     drop(progress);
     let algorithm = match culling.algorithm {
         Algorithm::Sampled => "sampled",

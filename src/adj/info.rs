@@ -21,11 +21,53 @@ use adjsplat::file::AdjFile;
 use adjsplat::volume::{Axis, Grid};
 use adjsplat_study::memory::virtual_voxels;
 
+const EXAMPLES: &str =
+    "Examples:\n  adj info head.adj --json\n  adj info head.nii.gz        (which values would be worth showing?)";
+
+/// What the numbers mean, and their units.
+const NUMBERS: &str = "\
+What is shown:
+  dims                     grid points along x, y and z
+  spacing                  distance between grid points, in the file's unit of length
+  origin, direction        the first grid point, and where x, y and z point, in the world
+  axes_toward              where x, y and z point in a patient: R, L (right, left), A, P (front,
+                           back), S, I (head, feet)
+Of an .adj file or a collection:
+  visible_voxels           voxels that are stored
+  visible_share            the same as a fraction of the grid points, from 0 to 1
+  lanes                    the axes along which the voxels are listed, with a record for each voxel
+    lines, tiles           scan lines, and squares of 8 x 8 of them, that hold voxels
+    records                voxels, and stepping voxels
+    stepping_voxels        records that only carry a distance above 255 grid points on
+  sections                 the parts of the file: offset and size in bytes
+  bytes_total              size of the file; bytes_per_visible_voxel is it, divided by the voxels
+  channels                 what a record stores, beside its distance
+    value_bits, normal_bits, magnitude_bits, coverage_bits
+                           bits of a voxel's value, of each component of its normal, of its gradient
+                           magnitude, and of its coverage (how much of a block is visible); 0 where
+                           nothing is stored
+    value_low, value_step  a code c is the value value_low + c value_step, in the volume's unit
+    magnitude_scale        gradient magnitude of the largest code, per unit of length
+    record_bytes           bytes of a record in one lane
+  value_rounding           by how much stored values differ from the volume's at most
+  levels                   coarser levels of detail
+    share_of_file          bytes of the level as a fraction of the file, from 0 to 1
+    most_pixels_standard, most_pixels_draft
+                           the level is drawn while the longest edge of its voxels has at most so
+                           many pixels, by --quality
+  virtual_voxels           links that the structure of Orchard and Moeller (2001) would need
+  paper_b_bytes            size of that structure: 47 bytes for each visible voxel and each link;
+                           paper_b_bytes_per_visible_voxel is it, divided by the voxels
+Of a volume:
+  slope, intercept         a value is the sample in the file, times slope, plus intercept
+  lowest, highest, mean    of the values that are finite; not_finite counts the others
+  quantiles                the fraction share (0 to 1) of the values is not larger than value
+  suggestion               a flag for a first picture
+";
+
 /// Show what an .adj file, a collection or a volume holds: sizes and counts; for a volume also its range of values
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples:\n  adj info head.adj --json\n  adj info head.nii.gz        (which values would be worth showing?)"
-)]
+#[command(after_help = EXAMPLES, after_long_help = format!("{NUMBERS}\n{EXAMPLES}"))]
 pub(super) struct Arguments {
     /// An .adj file or a volume: a file, a folder of slices, or several files of slices ('slices/*.tif')
     #[arg(value_name = "FILE", required = true)]

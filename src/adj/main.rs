@@ -13,12 +13,12 @@ mod complaints;
 mod completions;
 mod composite;
 mod cull;
-#[cfg(unix)]
-mod cut_file;
 mod demo;
 #[cfg(feature = "gpu")]
 mod devices;
 mod export;
+#[cfg(unix)]
+mod fatal;
 mod flags;
 mod histogram;
 mod info;
@@ -102,16 +102,16 @@ enum Command {
 
 /// Runs the program with the process's arguments.
 fn main() -> ExitCode {
+    #[cfg(unix)]
+    {
+        fatal::catch_fatal_signals();
+        // A write beyond the largest size of a file (ulimit -f) then fails, as on a full disk. Else it ends the process.
+        let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
+    }
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => return usage(&error),
     };
-    #[cfg(unix)]
-    {
-        cut_file::catch_cut_files();
-        // A write beyond the largest size of a file (ulimit -f) then fails, as on a full disk. Else it ends the process.
-        let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
-    }
     // A window, a server and a check have nothing to finish: they end at once. So does a comparison before it writes.
     if !matches!(cli.command, Command::View(_) | Command::Serve(_) | Command::Verify(_) | Command::Compare(_)) {
         progress::catch_interrupts();
@@ -244,8 +244,20 @@ fn printable(text: &str) -> String {
     text.chars().map(|c| if is_kept(c) { c.to_string() } else { c.escape_default().to_string() }).collect()
 }
 
-/// Checks that `output` is none of the `others`: files of the call, and folders whose files are all read.
+/// Checks that an output of the call is not called `-`, which elsewhere is stdout.
+fn check_name(flag: &str, output: &Path) -> Result<()> {
+    if output == Path::new("-") {
+        return Err(Error::input(
+            flag,
+            "is -, which is no name; for stdout give /dev/stdout, for a file of this name ./-",
+        ));
+    }
+    Ok(())
+}
+
+/// Checks that `output` has a name, and is none of the `others`: files of the call, and folders whose files are all read.
 fn check_apart(flag: &str, output: &Path, others: impl IntoIterator<Item = impl AsRef<Path>>) -> Result<()> {
+    check_name(flag, output)?;
     let is_within = |folder: &Path| {
         let paths = (folder.canonicalize(), output.canonicalize());
         folder.is_dir() && matches!(paths, (Ok(folder), Ok(output)) if output.starts_with(&folder))

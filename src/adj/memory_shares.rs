@@ -7,6 +7,8 @@
 //! memory = program + frame, bands, tables, lists + pictures + derived lanes + pages in flight + the file's pages
 //! ```
 
+use std::fmt::{self, Display, Formatter};
+
 use indicatif::HumanBytes;
 
 use super::resources::resident_bytes;
@@ -92,33 +94,26 @@ impl MemoryShares {
         };
         let measuring = if is_chosen { pixels * PIXEL_BYTES } else { 0 };
         let base = BASE.max(resident_bytes().unwrap_or(0) + GROWTH);
+        let pictures = Pictures { settings, kind, depth, frames, is_perspective };
         let need_of = |threads: usize, canvases: &[(Canvas, [u32; 3], u64)]| {
-            let settings = settings.clone().with_threads(threads);
-            let need = |&(canvas, dims, tiles): &_| cpu::memory_need(dims, tiles, canvas, is_perspective, &settings);
-            let drawing = canvases.iter().map(need);
-            let drawing = drawing.max().unwrap_or(0).saturating_add(parts + measuring);
-            // The frame is freed before its picture is encoded.
-            let writing = kind.memory(depth, pixels);
             let in_flight = in_flight(arena.bytes().len() as u64) * threads as u64;
-            base.saturating_add(drawing.max(writing)).saturating_add(kind.kept(depth, pixels, frames)) + in_flight
+            base.saturating_add(pictures.need(threads, canvases, parts + measuring)).saturating_add(in_flight)
         };
         let need = |threads: usize| need_of(threads, &canvases);
         let left = |threads: usize| memory.checked_sub(need(threads)).filter(|&left| left >= LEAST_RESIDENT);
         let Some((threads, left)) = (1..=settings.threads).rev().find_map(|n| left(n).map(|left| (n, left))) else {
             let enough = need(1).saturating_add(LEAST_RESIDENT + BETWEEN_RUNS).div_ceil(1 << 20);
-            let [columns, rows] = settings.size;
             let is_picture = |(canvas, ..): &&(Canvas, [u32; 3], u64)| *canvas == Canvas::Picture;
-            let pictures: Vec<_> = canvases.iter().filter(is_picture).copied().collect();
-            let frames = if frames > 1 { format!(", {frames} frames") } else { String::new() };
+            let without_grid: Vec<_> = canvases.iter().filter(is_picture).copied().collect();
             let instead = match () {
                 () if settings.blending == Blending::Sheets => ", a smaller --size, or --blending exponential",
-                () if need_of(1, &pictures).saturating_add(LEAST_RESIDENT) <= memory => {
+                () if need_of(1, &without_grid).saturating_add(LEAST_RESIDENT) <= memory => {
                     ", a smaller --size, or --sampling every"
                 }
                 () => ", or a smaller --size",
             };
             let why = format!(
-                "is {}, but a picture of {columns}x{rows}{frames} from this file takes {enough}MiB; give that much{instead}",
+                "is {}, but {pictures} from this file takes {enough}MiB; give that much{instead}",
                 HumanBytes(memory)
             );
             return Err(Error::input("--memory", why));
@@ -144,6 +139,54 @@ impl MemoryShares {
             }
         }
         Ok(true)
+    }
+}
+
+/// Pictures, before it is known what they show.
+pub(super) struct Pictures<'a> {
+    pub(super) settings: &'a Settings,
+    pub(super) kind: PictureKind,
+    pub(super) depth: SampleDepth,
+    pub(super) frames: u32,
+    pub(super) is_perspective: bool,
+}
+
+impl Pictures<'_> {
+    /// Returns the bytes to draw and encode a picture on any of `canvases`, each with the grid points and the tiles of what is
+    /// drawn, by `threads`. While it is drawn, it takes `more` bytes.
+    fn need(&self, threads: usize, canvases: &[(Canvas, [u32; 3], u64)], more: u64) -> u64 {
+        let settings = self.settings.clone().with_threads(threads);
+        let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
+        let need = |&(canvas, dims, tiles): &_| cpu::memory_need(dims, tiles, canvas, self.is_perspective, &settings);
+        let drawing = canvases.iter().map(need).max().unwrap_or(0).saturating_add(more);
+        // The frame is freed before its picture is encoded.
+        let writing = self.kind.memory(self.depth, pixels);
+        let kept = self.kind.kept(self.depth, pixels, self.frames);
+        drawing.max(writing).saturating_add(kept)
+    }
+
+    /// Checks that `memory` bytes could be enough for any picture of this size; called before the voxels are found.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if they are not.
+    pub(super) fn check(&self, memory: u64) -> Result<()> {
+        let least = self.need(1, &[(Canvas::Picture, [1; 3], 0)], 0).saturating_add(BASE + LEAST_RESIDENT + in_flight(0));
+        if least <= memory {
+            return Ok(());
+        }
+        let (mib, memory) = (least.div_ceil(1 << 20), HumanBytes(memory));
+        let why = format!(
+            "is {memory}, but {self} takes more than {mib}MiB, whatever it shows; give more, or a smaller --size"
+        );
+        Err(Error::input("--memory", why))
+    }
+}
+
+impl Display for Pictures<'_> {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        let ([columns, rows], frames) = (self.settings.size, self.frames);
+        write!(f, "a picture of {columns}x{rows}")?;
+        if frames > 1 { write!(f, ", {frames} frames") } else { Ok(()) }
     }
 }
 

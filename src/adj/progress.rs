@@ -2,7 +2,7 @@
 
 use std::io::IsTerminal as _;
 use std::ops::ControlFlow;
-use std::sync::LazyLock;
+use std::sync::{LazyLock, Mutex};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -11,6 +11,9 @@ use adjsplat::build::{Observer, Phase};
 use adjsplat::file::abandon_writes;
 use adjsplat::splat::StopRequest;
 use adjsplat::volume::Axis;
+
+/// Which of several pictures are written: the end of a message, if the program has to stop. Empty while none is.
+pub(super) static WRITTEN: Mutex<String> = Mutex::new(String::new());
 
 static STOP: LazyLock<StopRequest> = LazyLock::new(StopRequest::default);
 

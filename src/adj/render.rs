@@ -21,7 +21,7 @@ use super::build::{PackingArguments, classify_with_warnings};
 use super::classification::ClassificationArguments;
 use super::info::is_adj;
 use super::input::{Input, InputArguments};
-use super::memory_shares::{BoundedLanes, LEAST_RESIDENT, MemoryShares};
+use super::memory_shares::{BoundedLanes, LEAST_RESIDENT, MemoryShares, Pictures};
 use super::progress::{Progress, interrupted, stop};
 use super::renderer::{RendererArguments, needs_volume};
 use super::resources::processors;
@@ -58,7 +58,7 @@ pub(super) struct Arguments {
     /// The picture: .png, .apng (all frames in one file) or .exr (linear, 32-bit float)
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// Write counts, times and the picture's checksum to this file, as JSON
+    /// Write counts, times and the picture's checksum to this file, as JSON, after the picture
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
     /// Most memory to take, from 64MiB: 500MB, 2GiB; no limit by default. The picture is the same
@@ -151,6 +151,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let job = RenderJob { arguments, input: &input, kind, outputs: &outputs, memory, is_volume, start };
     if arguments.renderer.is_reference() {
         return job.draw_reference(settings);
+    }
+    if let Some(memory) = memory.filter(|_| is_volume || is_collection) {
+        // Before the voxels are built or joined, which takes long.
+        let (view, depth) = (&arguments.view, arguments.look.bits);
+        let is_perspective = view.perspective.is_some();
+        Pictures { settings: &settings, kind, depth, frames: view.frames, is_perspective }.check(memory)?;
     }
     if !is_volume {
         if let Some(flag) = arguments.reading.given().next().or(arguments.packing.given()) {

@@ -10,7 +10,7 @@ use super::info::open_adj;
 use super::progress::Progress;
 use super::resources::ResourceArguments;
 use super::values::{Word, choice, number};
-use super::{Answer, print_line, print_note};
+use super::{Answer, check_name, print_line, print_note};
 use adjsplat::collection::{Partition, split};
 use adjsplat::error::{Error, Result};
 
@@ -100,6 +100,7 @@ fn brick(text: &str) -> Result<[u32; 3], String> {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
+    check_name("--output", &arguments.output)?;
     if arguments.output.extension().is_some_and(|ending| ending == "adj") {
         return Err(Error::input("--output", "ends in .adj, but a collection is a folder; end it in .adjs"));
     }
@@ -126,7 +127,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         ));
     }
     let (path, bricks) = (arguments.output.display(), collection.bricks());
-    let files = bricks.iter().filter(|brick| brick.file.is_some()).count();
+    // What was written: a brick that cannot be opened again, as where memory is short, has voxels all the same.
+    let files = bricks.iter().filter(|brick| brick.entry.file.is_some()).count();
     let (visible, seconds) = (collection.manifest().visible_voxels, start.elapsed().as_secs_f64());
     print_line(&if arguments.json {
         json!({

@@ -50,7 +50,9 @@ pub enum Error {
         have: u64,
     },
     /// The system provides no more memory: close other programs, or process less at once.
-    #[error("not enough memory: {what} needs {bytes} bytes, which the system does not give")]
+    #[error(
+        "not enough memory for {what}: the system does not give {bytes} bytes; close other programs, or process less at once"
+    )]
     OutOfMemory {
         /// What the memory was for.
         what: String,

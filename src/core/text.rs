@@ -1,10 +1,13 @@
 //! Reads small text files, such as transfer functions and headers, as a whole.
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 use crate::error::{Error, Result};
+
+/// Why a file that should be a text cannot be read.
+pub(crate) const NO_TEXT: &str = "is no text in UTF-8";
 
 /// Opens a regular file and returns it with its length in bytes.
 ///
@@ -27,7 +30,7 @@ pub fn open_regular(path: &Path, action: &'static str) -> Result<(File, u64)> {
 /// Reads a text file of at most `most` bytes, such as a transfer function, without the byte order mark that it may begin with.
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be read or is not UTF-8; [`Error::Input`] if it is not a regular file;
+/// [`Error::Io`] if the file cannot be read; [`Error::Input`] if it is not a regular file, or no text in UTF-8;
 /// [`Error::Limit`] if it is longer.
 pub fn read_text(path: &Path, most: u64) -> Result<String> {
     let text = text_of(open_regular(path, "read")?, path, most)?;
@@ -38,12 +41,16 @@ pub fn read_text(path: &Path, most: u64) -> Result<String> {
 /// Reads the text in a file that was opened, whose length is given in bytes; see [`read_text`].
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be read or is not UTF-8; [`Error::Limit`] if it is longer than `most` bytes.
+/// [`Error::Io`] if the file cannot be read; [`Error::Input`] if it is not UTF-8; [`Error::Limit`] if it is
+/// longer than `most` bytes.
 pub fn text_of((file, need): (impl Read, u64), path: &Path, most: u64) -> Result<String> {
     if need > most {
         return Err(Error::Limit { what: format!("bytes of {}", path.display()), need, have: most });
     }
     let mut text = String::new();
-    file.take(most).read_to_string(&mut text).map_err(Error::io("read", path))?;
+    file.take(most).read_to_string(&mut text).map_err(|fault| match fault.kind() {
+        ErrorKind::InvalidData => Error::input(path.display().to_string(), NO_TEXT),
+        _ => Error::io("read", path)(fault),
+    })?;
     Ok(text)
 }

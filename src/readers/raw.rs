@@ -11,7 +11,7 @@ use super::files::{length, open_regular};
 use super::frame::FileFrame;
 use super::open::{OpenOptions, file_name, plain_header};
 use super::slab::{Endian, SampleFiles, SlabReader, Tail};
-use super::slices::raw_hint;
+use super::slices::{raw_hint, skipped};
 use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, MAX_DIM, SampleType, SlabSource};
@@ -144,7 +144,7 @@ pub(super) fn open_slices(
     let grid = FileFrame::upright([1.0; 3]).grid(path, "raw dims", raw.dims, options.spacing)?;
     let bytes = raw.skip.saturating_add(grid.slice_len() * raw.sample_type.bytes() as u64);
     let fits = |file: &Path| length(file, "look for").is_ok_and(|len| len == Some(bytes));
-    let slices: Vec<PathBuf> = files.iter().filter(|file| fits(file)).cloned().collect();
+    let (slices, others): (Vec<PathBuf>, Vec<PathBuf>) = files.iter().cloned().partition(|file| fits(file));
     let (count, all) = (slices.len() as u64, files.len());
     if count != z {
         let hint = match (count, raw_hint(files)) {
@@ -159,7 +159,8 @@ pub(super) fn open_slices(
         return Err(Error::input(path.display().to_string(), why));
     }
     let header = plain_header(grid, raw.sample_type, path, "raw slices");
-    SlabReader::open(SampleFiles {
+    let skipped = skipped(&others, &format!("is not of {bytes} bytes"), &format!("are not of {bytes} bytes"));
+    let plan = SampleFiles {
         header,
         codec: Codec::Raw,
         endian: raw.endian,
@@ -172,7 +173,8 @@ pub(super) fn open_slices(
         volume_index: options.volume_index.into(),
         tail: Tail::Nothing,
         rule: RULE,
-    })
+    };
+    SlabReader::open_noted(plan, skipped)
 }
 
 /// Checks the file's length against the dimensions; the error lists options that would fit the length.

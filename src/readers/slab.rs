@@ -102,6 +102,11 @@ impl SlabReader {
     /// [`Error::Io`] if a file is missing; [`Error::Format`] if a file is too short for its samples; [`Error::Limit`]
     /// if sizes overflow; [`Error::Input`] if the chosen volume does not exist.
     pub(super) fn open(plan: SampleFiles) -> Result<Box<dyn SlabSource>> {
+        SlabReader::open_noted(plan, None)
+    }
+
+    /// Opens files like [`SlabReader::open`]; `skipped` is a note on other files, which are not read.
+    pub(super) fn open_noted(plan: SampleFiles, skipped: Option<String>) -> Result<Box<dyn SlabSource>> {
         plan.header.grid.check()?;
         let volume_samples = plan.header.grid.points();
         let of_several = check_volume(plan.volume_index, plan.volume_count)?;
@@ -133,7 +138,7 @@ impl SlabReader {
             let check = "if the picture looks wrong, check dimensions and type";
             format!("warning: {path}: {surplus} bytes after the samples ({described}) are not read{others}; {check}")
         });
-        let notes = of_several.into_iter().chain(note).collect();
+        let notes = of_several.into_iter().chain(note).chain(skipped).collect();
         let (stream, left) = (None, 0);
         let mut reader =
             SlabReader { plan, file_samples, slices_read: 0, stream, left, file_index: 0, lost: false, notes };

@@ -67,15 +67,13 @@ pub(super) fn open_files(path: &Path, files: &[PathBuf], options: &OpenOptions) 
         options.expect_one_series()?;
         return raw::open_slices(path, files, raw, options).map(Some);
     }
-    let mut slices = Vec::new();
+    let (mut slices, mut others) = (Vec::new(), Vec::new());
     for file in files {
         let probe = probe(file)?;
         if is_dicom(&probe) {
             return with_feature!("dicom", path, super::dicom::open(path, Some(files.to_vec()), options)).map(Some);
         }
-        if is_tiff(&probe) {
-            slices.push(file.clone());
-        }
+        if is_tiff(&probe) { &mut slices } else { &mut others }.push(file.clone());
     }
     options.expect_one_series()?;
     let need = slices.len() as u64;
@@ -85,7 +83,12 @@ pub(super) fn open_files(path: &Path, files: &[PathBuf], options: &OpenOptions) 
     match slices.as_slice() {
         [] => Ok(None),
         [one] => with_feature!("tiff", one, super::tiff::open(one, options)).map(Some),
-        _ => with_feature!("tiff", path, super::tiff::open_stack(path, slices, options)).map(Some),
+        _ => with_feature!(
+            "tiff",
+            path,
+            super::tiff::open_stack(path, slices, skipped(&others, "is no TIFF", "are no TIFF"), options)
+        )
+        .map(Some),
     }
 }
 
@@ -115,6 +118,15 @@ pub(super) fn raw_hint(files: &[PathBuf]) -> Option<String> {
         _ => format!("if they are square, {} would read them (u16be if big endian)", squares.join(", or ")),
     };
     Some(format!("{count} files of {bytes} bytes each seem to be raw slices; {read}"))
+}
+
+/// Returns a note on skipped files, if there are any: "skipped 2 files that are no DICOM (LICENSE, ...)".
+pub(super) fn skipped(paths: &[PathBuf], is: &str, are: &str) -> Option<String> {
+    let name = file_name(paths.first()?);
+    Some(match paths.len() {
+        1 => format!("skipped 1 file that {is} ({name})"),
+        count => format!("skipped {count} files that {are} ({name}, ...)"),
+    })
 }
 
 /// Sorts paths in natural order.

@@ -40,7 +40,11 @@ fn a_file_cut_while_frames_are_drawn_is_named_and_no_temporary_stays() {
     let folder = folder();
     let first = folder.file("t-000.png");
     let line = "render big.adj -o t.png --frames 400 --size 64x64 --quiet";
-    cut_during(&folder, line, |_| first.exists()).refused(CUT);
+    let told = cut_during(&folder, line, |_| first.exists()).refused(CUT);
+    // It did not say what is written.
+    let written = folder.names().len() - 1;
+    let name = folder.names().into_iter().filter(|name| name.ends_with(".png")).max().expect("the first is");
+    assert!(told.contains(&format!("; {written} of 400 frames ")) && told.ends_with(&name), "{told}");
     assert!(folder.names().iter().all(|name| !name.starts_with(".adj-")), "{:?}", folder.names());
 }
 

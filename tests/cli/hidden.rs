@@ -68,3 +68,12 @@ fn numbers_that_cannot_be_are_refused() {
     folder.build_refused(&format!("{build} --cull-hidden --cull-views 0 -o x.adj"), &["--cull-views", "1 to 100000"]);
     folder.build_refused(&format!("{build} --cull-views 10 -o x.adj"), &["--cull-views", "--cull-hidden"]);
 }
+
+/// It named no flag, and came after the build, which takes minutes.
+#[test]
+fn memory_that_is_not_enough_for_hidden_voxels_is_refused_before_the_build() {
+    let folder = Folder::new();
+    // So much work that a test would run into its limit.
+    let line = "build phantom:noise --dims 16000x16000x16000 -o out.adj --cull-hidden --memory 64MiB --threads 2";
+    folder.adj(line).refused(&["--memory: is 64.00 MiB", "finding hidden voxels takes", "fewer --threads than 2"]);
+}

@@ -16,6 +16,8 @@ mod interrupt;
 mod killed;
 mod levels;
 mod library;
+#[cfg(target_os = "linux")]
+mod limits;
 mod memory;
 mod outputs;
 mod serve;

@@ -91,6 +91,16 @@ fn memory_that_is_not_enough_says_what_would_be() {
     assert_eq!(one, many);
 }
 
+/// It was refused after the build, which takes minutes.
+#[test]
+fn a_picture_that_can_never_fit_is_refused_before_a_volume_is_read() {
+    let folder = Folder::new();
+    // So much work that a test would run into its limit.
+    let line = "render phantom:noise --dims 16000x16000x16000 -o out.png --memory 100MiB --size 3000x3000";
+    let told = folder.adj(line).refused(&["--memory", "a picture of 3000x3000", "smaller --size"]);
+    assert!(told.contains("100.00 MiB"), "{told}");
+}
+
 #[test]
 fn a_lane_that_is_not_there_is_made_only_where_there_is_room() {
     let folder = Folder::new();

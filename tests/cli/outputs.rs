@@ -32,6 +32,39 @@ fn places_that_take_no_file() {
     folder.adj(&format!("verify {name}")).done();
 }
 
+/// A file called `-` was written.
+#[test]
+fn an_output_called_dash_is_refused() {
+    let folder = Folder::new();
+    folder.small_arena("a.adj");
+    for line in [
+        "build phantom:shells -o -",
+        "trim a.adj -o -",
+        "split a.adj -o - --slab 2",
+        "raw phantom:shells -o -",
+        "info a.adj --plot -",
+    ] {
+        folder.adj(line).refused(&["is -", "/dev/stdout", "./-"]);
+    }
+    assert_eq!(folder.names(), ["a.adj"]);
+    folder.adj("trim a.adj -q -o ./-").done();
+    assert_eq!(folder.names(), ["-", "a.adj"]);
+}
+
+/// The picture was there, and the message did not say so.
+#[test]
+#[cfg(target_os = "linux")]
+fn statistics_that_cannot_be_written_leave_the_picture_and_say_so() {
+    let folder = Folder::new();
+    folder.small_arena("a.adj");
+    folder.adj("render a.adj -o a.png --stats /dev/full -q").refused(&[
+        "/dev/full",
+        "No space",
+        "the picture is written: a.png",
+    ]);
+    assert_eq!(folder.names(), ["a.adj", "a.png"]);
+}
+
 #[test]
 fn an_old_file_is_replaced_only_by_a_whole_new_one() {
     let folder = Folder::new();
@@ -337,6 +370,12 @@ fn a_disk_that_is_read_only_is_told_before_the_work() {
     assert_eq!(ran.stdout, "2\n");
     assert!(ran.stderr.contains("cannot create a file in disk: Read-only file system"), "{}", ran.stderr);
     assert_eq!(std::fs::read_dir(Path::new(&folder.file("disk"))).expect("it is there").count(), 0);
+    // A folder was named by its temporary name.
+    folder.small_arena("a.adj");
+    let script = "mount -t tmpfs -o ro tmpfs disk; exec \"$0\" split a.adj --slab 2 -q -o disk/a.adjs";
+    let ran = in_private_mounts(script, folder.path()).expect("it could mount before");
+    let line = ran.refused(&["cannot create a folder in disk: Read-only file system"]);
+    assert!(!line.contains(".tmp"), "{line}");
 }
 
 #[test]

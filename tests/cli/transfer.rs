@@ -159,7 +159,7 @@ fn files_that_are_wrong_in_other_ways() {
     refused("{\"kind\":\"range\",\"low\":5,\"high\":1}", &[]);
     refused("{\"kind\":\"range\",\"colour\":5}", &["colour"]);
     folder.write("t.json", &[0xff, 0xfe, 0x00]);
-    folder.build_refused(&format!("{BUILD} --tf t.json"), &["t.json", "UTF-8"]);
+    folder.build_refused(&format!("{BUILD} --tf t.json"), &["t.json", "no text", "no transfer function", "JSON"]);
     folder.build_refused(&format!("{BUILD} --tf gone.json"), &["gone.json", "No such file"]);
     folder.build_refused(&format!("{BUILD} --tf ct-bones"), &["ct-bones", "ct-bone", "ct-skin"]);
     folder.build_refused(&format!("{BUILD} --labels ct-bone"), &["--labels", "--tf"]);

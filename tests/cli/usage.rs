@@ -50,6 +50,23 @@ fn every_command_has_help_with_an_example_that_parses() {
     }
 }
 
+/// It explained none.
+#[test]
+fn the_help_of_info_explains_every_number() {
+    let folder = Folder::new();
+    folder.small_arena("a.adj");
+    folder.adj("trim a.adj --levels 1 -q -o b.adj").done();
+    let help = adj(["info", "--help"]).done();
+    let info = folder.adj("info b.adj --json").json();
+    let inner = [&info["channels"], &info["levels"][0]].map(|value| value.as_object().expect("of members"));
+    // These are no numbers, or need no explanation.
+    let plain = ["file", "description", "tile_order", "level"];
+    for name in info.as_object().expect("of members").keys().chain(inner.into_iter().flat_map(|members| members.keys()))
+    {
+        assert!(plain.contains(&name.as_str()) || help.contains(name.as_str()), "{name} is not in: {help}");
+    }
+}
+
 #[test]
 fn no_arguments_print_the_help_and_fail() {
     let ran = adj::<&str>([]);

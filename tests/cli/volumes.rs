@@ -81,7 +81,14 @@ fn raw_slices_are_read_from_a_folder_a_list_and_a_pattern() {
     for (input, output) in
         [("head", "head.adj"), (&list.join(" "), "head/CThead.adj"), ("head/CThead.*", "head/CThead.adj")]
     {
-        folder.adj(&format!("build {input} {flags} --range 1..")).done();
+        let ran = folder.adj(&format!("build {input} {flags} --range 1.."));
+        assert_eq!(
+            ran.stderr.contains("skipped 1 file that is not of 8 bytes (README)"),
+            input == "head",
+            "{}",
+            ran.stderr
+        );
+        ran.done();
         built.push(std::fs::read(folder.file(output)).expect("it was built"));
         std::fs::remove_file(folder.file(output)).expect("it is there");
         folder.adj(&format!("raw {input} {flags} -o out.raw")).done();

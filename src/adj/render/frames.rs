@@ -2,12 +2,13 @@
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
+use std::sync::PoisonError;
 
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
 use super::super::flags::one_line;
-use super::super::progress::{Progress, interrupted};
+use super::super::progress::{Progress, WRITTEN, interrupted};
 use super::super::renderer::{FrameStats, Renderer};
 use super::super::resources::peak_rss_bytes;
 use super::super::{Answer, print_line, print_note};
@@ -60,10 +61,12 @@ pub(super) fn draw_frames(
         }
         Ok(())
     };
+    let written = |count: usize| outputs.get(..count).filter(|_| outputs.len() > 1).unwrap_or_default();
     for (number, camera) in cameras.iter().enumerate() {
         if let Err(error) = draw(number, camera) {
-            return stopped_after(&outputs[..number.min(outputs.len() - 1)], error, outputs.len());
+            return stopped_after(written(number), error, outputs.len());
         }
+        *WRITTEN.lock().unwrap_or_else(PoisonError::into_inner) = named(written(number + 1), outputs.len());
     }
     if kind == PictureKind::Apng {
         write_atomically_unless(&interrupted, &outputs[0], |out| write_png(out, &pictures))?;
@@ -73,7 +76,10 @@ pub(super) fn draw_frames(
         let mut stats = stats_json(&settings, &renderer, &all_stats, &format!("{:x}", digest.finalize()));
         stats["measured_error"] = json!(measured);
         stats["levels"] = json!(levels);
-        write_atomically_unless(&interrupted, path, |out| writeln!(out, "{stats:#}"))?;
+        let saved = write_atomically_unless(&interrupted, path, |out| writeln!(out, "{stats:#}"));
+        if let Err(error) = saved {
+            return stopped_after(outputs, error, outputs.len());
+        }
     }
     let drawn = all_stats.iter().map(|stats| stats.splats_drawn).max().unwrap_or(0);
     if drawn == 0 {
@@ -105,16 +111,25 @@ fn of_levels(levels: &BTreeSet<usize>) -> String {
     }
 }
 
-/// Says which of `count` numbered frames are written when `error` ends the drawing; returns the error if none is.
+/// Says which of `count` pictures are written when `error` ends the work; returns the error if none is.
 fn stopped_after(written: &[PathBuf], error: Error, count: usize) -> Result<Answer> {
+    if written.is_empty() {
+        return Err(error);
+    }
+    let cause = if matches!(error, Error::Interrupted) { "stopped".to_owned() } else { one_line(&error) };
+    print_note(&format!("{cause}{}", named(written, count)));
+    Ok(Answer::Failed)
+}
+
+/// Returns the end of a message that names those of `count` pictures that are written; nothing if none is.
+fn named(written: &[PathBuf], count: usize) -> String {
     let names = match written {
-        [] => return Err(error),
+        [] => return String::new(),
+        [only] if count == 1 => return format!("; the picture is written: {}", only.display()),
         [only] => only.display().to_string(),
         [first, .., last] => format!("{} to {}", first.display(), last.display()),
     };
-    let cause = if matches!(error, Error::Interrupted) { "stopped".to_owned() } else { one_line(&error) };
-    print_note(&format!("{cause}; {} of {count} frames are written: {names}", written.len()));
-    Ok(Answer::Failed)
+    format!("; {} of {count} frames are written: {names}", written.len())
 }
 
 /// Returns the document that `--stats` writes.

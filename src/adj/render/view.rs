@@ -33,7 +33,7 @@ pub(super) struct ViewArguments {
     zoom: f64,
     /// Draw in perspective, with this vertical angle of view (above 0, below 180); parallel by default
     #[arg(long, value_name = "DEGREES", allow_hyphen_values = true)]
-    perspective: Option<f64>,
+    pub(super) perspective: Option<f64>,
     /// Camera in world coordinates, as JSON or a file of it: position, target, up, and fov or height
     #[arg(long, value_name = "JSON|FILE", conflicts_with_all = ["azimuth", "elevation", "up", "zoom", "perspective"])]
     pub(super) camera: Option<String>,

@@ -16,6 +16,7 @@ use super::transfer::TransferFunction;
 use super::validate::field_error;
 use crate::error::{Error, Result};
 use crate::limits::{MAX_CONTOURS, MAX_DESCRIPTION_BYTES, MAX_TRANSFER_ENTRIES};
+use crate::text::{NO_TEXT, read_text};
 
 impl TransferFunction {
     /// Reads JSON in the format described in [`crate::classify`].
@@ -43,7 +44,14 @@ impl TransferFunction {
     /// [`Error::Io`] if the file cannot be read; [`Error::Limit`] if it is longer than 16 MiB; [`Error::Input`] that
     /// names the file if its content is wrong.
     pub fn read(path: &std::path::Path) -> Result<TransferFunction> {
-        TransferFunction::from_text(path, &crate::text::read_text(path, MAX_DESCRIPTION_BYTES)?)
+        let text = read_text(path, MAX_DESCRIPTION_BYTES).map_err(|error| match error {
+            Error::Input { what, why } if why == NO_TEXT => Error::input(
+                what,
+                format!("{NO_TEXT}, so no transfer function: that is JSON, or a table of labels, NAME.ctbl"),
+            ),
+            other => other,
+        })?;
+        TransferFunction::from_text(path, &text)
     }
 
     /// Reads the contents of such a file.

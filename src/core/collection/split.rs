@@ -129,7 +129,7 @@ impl BrickPlace {
     pub(super) fn found(&self, folder: &Path, whole: &Facts, levels: u8) -> Result<BrickEntry> {
         let (low, size, file) = (self.region.low(), self.region.size(), self.file());
         let path = folder.join(&file);
-        if !path.exists() {
+        if !path.try_exists().map_err(Error::io("open", &path))? {
             return Ok(BrickEntry { file: None, low, size, visible_voxels: 0, fingerprint: None });
         }
         let brick = AdjFile::open(&path)?;

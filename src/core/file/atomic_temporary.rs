@@ -27,10 +27,11 @@
 //! the old file stays.
 
 use std::ffi::OsStr;
-use std::fs::{File, TryLockError};
+use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError, TryLockError};
+use std::time::Duration;
 
 use crate::error::{Error, Result};
 
@@ -46,9 +47,18 @@ static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// Removes the temporary files and folders of all unfinished writes. Call it only to end the process right after.
 ///
-/// Writes that are still running fail or block for ever; none of them replaces its target file any more.
+/// Writes that are still running fail or block for ever; none of them replaces its target file any more. Where a thread
+/// stopped for good in the middle of creating or renaming one, all stay, and the next run removes them.
 pub fn abandon_writes() {
-    let unfinished = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
+    let listed = || match UNFINISHED.try_lock() {
+        Err(TryLockError::WouldBlock) => {
+            std::thread::sleep(Duration::from_millis(10));
+            None
+        }
+        Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
+        Ok(unfinished) => Some(unfinished),
+    };
+    let Some(unfinished) = (0..500).find_map(|_| listed()) else { return };
     for path in unfinished.iter() {
         // A folder into which another thread still writes may take several tries.
         for _ in 0..16 {
@@ -84,19 +94,15 @@ impl Temporary {
         remove_dead(folder);
         let mut builder = tempfile::Builder::new();
         builder.prefix(PREFIX).rand_bytes(RANDOM).suffix(SUFFIX);
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            // The permissions of an ordinary new file or folder, reduced by the process's mask, instead of private ones.
-            let mode = if kind == Kind::File { 0o666 } else { 0o777 };
-            builder.permissions(std::fs::Permissions::from_mode(mode));
-        }
+        // Created here, files and folders have the permissions of ordinary ones, and errors do not name what nobody chose.
         let create = || {
             if kind == Kind::File {
-                let (file, path) = builder.tempfile_in(folder)?.keep()?;
+                let mut options = File::options();
+                options.read(true).write(true).create_new(true);
+                let (file, path) = builder.make_in(folder, |path| options.open(path))?.keep()?;
                 return Ok((path, Some(file)));
             }
-            let path = builder.tempdir_in(folder)?.keep();
+            let ((), path) = builder.make_in(folder, |path| fs::create_dir(path))?.keep()?;
             match File::open(&path) {
                 // Another run may have removed the folder.
                 Err(error) if cfg!(unix) && error.kind() != io::ErrorKind::NotFound => {
@@ -117,9 +123,9 @@ impl Temporary {
                     Error::io(action, folder)(error)
                 })?,
                 // A remover holds the lock: it removes the file or folder.
-                Some((_, Err(TryLockError::WouldBlock))) => false,
+                Some((_, Err(fs::TryLockError::WouldBlock))) => false,
                 // A disk or a system without locks.
-                Some((_, Err(TryLockError::Error(_)))) => true,
+                Some((_, Err(fs::TryLockError::Error(_)))) => true,
                 // Another run may have removed the folder before it was opened.
                 None => cfg!(not(unix)),
             };

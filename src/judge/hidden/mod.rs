@@ -188,6 +188,14 @@ pub fn find(scene: &Scene, culling: &Culling, observer: CullingObserver) -> Resu
     Err(Error::input("hidden voxels", why))
 }
 
+/// Checks that the memory may suffice for a grid of `dims` points, before its visible voxels are found.
+///
+/// # Errors
+/// [`Error::Limit`] if it cannot.
+pub fn check_memory(dims: [u32; 3], culling: &Culling) -> Result<()> {
+    spare_memory(0, dims, culling).map(drop)
+}
+
 /// Returns how many bytes of memory remain for the marks on a lane's records, or for the layers of a proof.
 fn spare_memory(records: usize, dims: [u32; 3], culling: &Culling) -> Result<u64> {
     // Sets of records: voxels seen, voxels unseen, the eroded set, and one of them copied to another lane.

@@ -26,6 +26,7 @@ use super::file_list::MAX_FILES;
 use super::format::{is_dicom, probe};
 use super::open::{OpenOptions, file_name};
 use super::slab::check_turn;
+use super::slices::skipped;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, SampleType, Samples, SlabSource};
 use adjsplat::with_samples;
@@ -117,15 +118,6 @@ fn read_folder(what: &str, paths: Vec<PathBuf>, notes: &mut Vec<String>) -> Resu
     notes.extend(skipped(&without, "has no pixels", "have no pixels"));
     notes.extend(skipped(&coloured, "is in colour", "are in colour"));
     Ok((files, frames))
-}
-
-/// Returns a note on skipped files, if there are any: "skipped 2 files that are no DICOM (LICENSE, ...)".
-fn skipped(paths: &[PathBuf], is: &str, are: &str) -> Option<String> {
-    let name = file_name(paths.first()?);
-    Some(match paths.len() {
-        1 => format!("skipped 1 file that {is} ({name})"),
-        count => format!("skipped {count} files that {are} ({name}, ...)"),
-    })
 }
 
 /// Reads the slices of a volume, each from its own frame.

@@ -129,8 +129,14 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     finish(path, vec![path.to_path_buf()], places, shape, options, &(description, resolution), note)
 }
 
-/// Opens `files`, each of which has one page, as the slices of one volume; `folder` is the folder that holds them.
-pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
+/// Opens `files`, each of which has one page, as the slices of one volume. `folder` is the folder that holds them; `note` is one of
+/// the reader on them.
+pub(super) fn open_stack(
+    folder: &Path,
+    files: Vec<PathBuf>,
+    note: Option<String>,
+    options: &OpenOptions,
+) -> Result<Box<dyn SlabSource>> {
     check_volume(options.volume_index.into(), 1)?;
     check_slices(folder, files.len() as u64)?;
     let mut first: Option<(PageShape, (Description, Resolution))> = None;
@@ -166,7 +172,7 @@ pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptio
         places.push(SliceLocation::Page { file, page: listed.full[0] });
     }
     match first {
-        Some((shape, told)) => finish(folder, files, places, shape, options, &told, None),
+        Some((shape, told)) => finish(folder, files, places, shape, options, &told, note),
         None => Err(Error::input(folder.display().to_string(), "holds no TIFF files")),
     }
 }
