@@ -170,7 +170,8 @@ impl Pictures<'_> {
     /// # Errors
     /// [`Error::Input`] if they are not.
     pub(super) fn check(&self, memory: u64) -> Result<()> {
-        let least = self.need(1, &[(Canvas::Picture, [1; 3], 0)], 0).saturating_add(BASE + LEAST_RESIDENT + in_flight(0));
+        let least =
+            self.need(1, &[(Canvas::Picture, [1; 3], 0)], 0).saturating_add(BASE + LEAST_RESIDENT + in_flight(0));
         if least <= memory {
             return Ok(());
         }
