@@ -4,7 +4,7 @@
 //! in visiting order.
 
 mod decode;
-mod gather;
+mod slice_lines;
 mod lines;
 mod order;
 mod sides;
@@ -17,4 +17,4 @@ pub(crate) use tiles::tile_bounds;
 pub use order::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 pub use walk::{Batch, Visitor, VoxelBox, walk};
 #[cfg(feature = "gpu")]
-pub(crate) use {gather::GatheredLine, lines::OrderedSlices};
+pub(crate) use {slice_lines::SliceLine, lines::OrderedSlices};
