@@ -105,7 +105,7 @@ impl Splatter<'_> {
     pub(crate) fn batch(&mut self, batch: &Batch) {
         self.flush();
         for from in (0..batch.len()).step_by(GROUP) {
-            if !self.voxels.has_room(GROUP) {
+            if !self.voxels.have_room(GROUP) {
                 self.flush_voxels();
             }
             self.voxels.add(batch, from, GROUP);

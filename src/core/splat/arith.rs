@@ -33,7 +33,7 @@ pub(crate) fn absorbed(x: f32) -> f32 {
 
 /// Returns `2^-x` for `x` in 0..=125; relative error at most 8e-5. Takes about half as long as [`exp2_neg`].
 #[inline(always)]
-pub(crate) fn quick_exp2_neg(x: f32) -> f32 {
+pub(crate) fn near_exp2_neg(x: f32) -> f32 {
     let rounded = x + ROUND;
     let f = x - (rounded - ROUND);
     let square = f * f;
@@ -43,7 +43,7 @@ pub(crate) fn quick_exp2_neg(x: f32) -> f32 {
 
 /// Returns `1 - 2^-x` for `x` in 0..=125; relative error at most 2e-5 however small `x` is.
 #[inline(always)]
-pub(crate) fn quick_absorbed(x: f32) -> f32 {
+pub(crate) fn near_absorbed(x: f32) -> f32 {
     let rounded = x + ROUND;
     let f = x - (rounded - ROUND);
     let scale = power_of_half(rounded);
@@ -106,10 +106,10 @@ mod tests {
             let x = step as f32 * 1.5e-5;
             let exact = (-f64::from(x)).exp2();
             let lost = -(-f64::from(x) * std::f64::consts::LN_2).exp_m1();
-            for (worst, power) in powers.iter_mut().zip([exp2_neg(x), quick_exp2_neg(x)]) {
+            for (worst, power) in powers.iter_mut().zip([exp2_neg(x), near_exp2_neg(x)]) {
                 *worst = worst.max((f64::from(power) / exact - 1.0).abs());
             }
-            for (worst, loss) in losses.iter_mut().zip([absorbed(x), quick_absorbed(x)]) {
+            for (worst, loss) in losses.iter_mut().zip([absorbed(x), near_absorbed(x)]) {
                 *worst = worst.max((f64::from(loss) / lost - 1.0).abs());
             }
             if x <= SMALL_DEPTH {
@@ -118,7 +118,7 @@ mod tests {
         }
         assert!(powers[0] <= 2e-7 && powers[1] <= 8e-5, "{powers:?}");
         assert!(losses[0] <= 3e-7 && losses[1] <= 2e-5, "{losses:?}");
-        assert_eq!(quick_absorbed(0.0), 0.0);
+        assert_eq!(near_absorbed(0.0), 0.0);
         assert_eq!(absorbed(0.0), 0.0);
         assert!((f64::from(absorbed(1e-20)) / (1e-20 * std::f64::consts::LN_2) - 1.0).abs() < 1e-6);
         assert!(absorbed(125.0) <= 1.0 && exp2_neg(125.0) > 0.0);

@@ -177,7 +177,7 @@ impl KernelShape {
     }
 
     /// Returns the Gaussian's exponent at the cut-off, in units of ln 2.
-    pub fn cut_exponent(self) -> f32 {
+    pub fn cut(self) -> f32 {
         0.5 * self.cut_off() * self.cut_off() * LOG2_E
     }
 

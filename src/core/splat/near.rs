@@ -68,7 +68,7 @@ pub(crate) struct EyeRays {
     pub(crate) most_stretch: f32,
     /// Exponent in units of ln 2 at a distance of one voxel.
     factor: f32,
-    cut_exponent: f32,
+    cut: f32,
     per_sigma: f32,
     /// The peak of a kernel of optical depth 1 per unit of the ray's stretch.
     pub(crate) strength: f32,
@@ -136,7 +136,7 @@ impl EyeRays {
             steepness: forward.length() as f32,
             most_stretch: (scale * gradients.map(DVec3::length_squared).iter().sum::<f64>().sqrt()) as f32,
             factor: (0.5 / (sigma * sigma)) as f32 * LOG2_E,
-            cut_exponent: kernel.cut_exponent(),
+            cut: kernel.cut(),
             per_sigma: 1.0 / kernel.sigma,
             strength: strength as f32,
         })
@@ -278,7 +278,7 @@ impl EyeRays {
             let t = (x * u + y * v) + z * w;
             let is_in_front = t > 0.0;
             // Beyond the cut-off the exponential may be meaningless, and `keep_if` replaces it by 0.
-            let whole = keep_if(is_in_front & (exponent <= self.cut_exponent), exp2_neg(exponent));
+            let whole = keep_if(is_in_front & (exponent <= self.cut), exp2_neg(exponent));
             let tail = kernel.at_eye * tail_ratio(t.abs() * self.per_sigma);
             let weight = at_least(whole + if is_in_front { -tail } else { tail }, 0.0);
             depths[i] = ray_depth(peak, self.strength * rays.lengths.stretch[i]) * weight;

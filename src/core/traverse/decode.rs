@@ -7,10 +7,10 @@ use std::ops::Range;
 
 use multiversion::multiversion;
 
+use super::slice_lines::SliceLine;
 use super::order::{AxisOrder, Sense};
 use super::sides::Sides;
 use super::simd::{CHUNK, LineChunk, prefix_sum, reversed, zero_steps};
-use super::slice_lines::SliceLine;
 use super::walk::Batch;
 use crate::arena::{Lane, VisibleCodes};
 

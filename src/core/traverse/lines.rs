@@ -6,8 +6,8 @@
 
 use std::ops::Range;
 
-use super::order::{AxisOrder, Order};
 use super::slice_lines::{SliceLine, SliceLines};
+use super::order::{AxisOrder, Order};
 use super::tiles::TileRows;
 use super::walk::{Visitor, VoxelBox};
 use crate::arena::layout::TileRecord;

@@ -5,7 +5,7 @@
 //! colour, or a constant for alpha. Alpha is a transmittance, an opacity or a sum of optical depths, depending on the mode. A
 //! depth of 0 leaves the pixel's bits unchanged, so a kernel may run over pixels outside its footprint.
 
-use crate::splat::arith::{absorbed, absorbed_small, at_least, at_most, keep_if, quick_absorbed};
+use crate::splat::arith::{absorbed, absorbed_small, at_least, at_most, keep_if, near_absorbed};
 
 /// A blend mode: a formula for a pixel's values after a splat, and its constants.
 pub trait Blend {
@@ -26,8 +26,8 @@ pub trait Blend {
 
     /// Returns almost the same as [`amount`](Self::amount), in less time: its relative error is at most 2e-5.
     #[inline(always)]
-    fn quick_amount(depth: f32) -> f32 {
-        quick_absorbed(depth)
+    fn near_amount(depth: f32) -> f32 {
+        near_absorbed(depth)
     }
 
     /// Returns a pixel's red, green, blue or alpha after a splat, from its `value` and the pixel's `alpha` before.
@@ -135,7 +135,7 @@ impl Blend for Additive {
     }
 
     #[inline(always)]
-    fn quick_amount(depth: f32) -> f32 {
+    fn near_amount(depth: f32) -> f32 {
         depth
     }
 

@@ -78,7 +78,7 @@ with_avx2! {
 with_avx512! {
     /// Draws a projected block; returns how many splats were drawn.
     pub fn draw_block<B>(projector: &Projector, splats: &Splats, tiles: &mut TileBuffer) -> u64 {
-        raster::draw::<B>(tiles, splats, projector.rays.as_ref(), [projector.cut_exponent, projector.stop])
+        raster::draw::<B>(tiles, splats, projector.rays.as_ref(), [projector.cut, projector.stop])
     }
 }
 

@@ -8,7 +8,7 @@ use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
 use super::lattice::{Footprints, Lattice, TileRays};
 use super::project::{Projector, affine_at, limited, nearest_pixel, pixel_span, slant};
 use super::scatter::maximum::{MaximumRays, advance};
-use super::splats::SplatKernel;
+use super::splats::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, combine, full_rect};
 use super::tile_buffer::{Rect, TILE_SHIFT, TileBuffer, index_in_tile};
 use super::warp::halved;
@@ -78,16 +78,20 @@ pub(super) fn draw_on_lattice<B: Blend>(
         }
         let [slow, medium, fast] = projector.slow_medium_fast.map(|axis| voxel[axis]);
         let slice = lattice.slice(slow);
-        let (position, shape) = place(projector, voxel, record);
+        let (offset, shape) = projector.offset(record);
         let place = if projector.is_on_grid() {
             lattice.place(&slice, [fast.into(), medium.into()])
         } else {
-            Lattice::place_displaced(&slice, position)
+            let on_grid = [slow, medium, fast].map(f64::from);
+            Lattice::place_displaced(&slice, [0, 1, 2].map(|axis| on_grid[axis] + f64::from(offset[axis])))
         };
         let [red, green, blue, depth] = projector.look(record);
         let colour = lit_colour(projector, voxel, record, [red, green, blue]);
         let code = projector.lane.coverage_code(record);
-        let footprint = footprints.map(|footprints| (footprints, footprints.place(&slice, [fast, medium], code)));
+        let footprint = footprints.map(|footprints| {
+            let at = footprints.place(&slice, [fast, medium], code);
+            (footprints, at)
+        });
         let spans = [0, 1].map(|side| {
             if let Some((footprints, at)) = footprint {
                 let [first, last] = footprints.pixels(side, at[side], code);
@@ -111,13 +115,13 @@ pub(super) fn draw_on_lattice<B: Blend>(
                 };
                 let weight = match footprint {
                     Some((footprints, at)) => footprints.weight(at, code, [x, y]),
-                    None => rays.weights(&place, projector.cut_exponent)[index_in_tile(x, y)],
+                    None => rays.weights(&place, projector.cut)[index_in_tile(x, y)],
                 };
                 let peak = limited(depth, rays.strength());
                 if peak <= 0.0 {
                     continue;
                 }
-                blend_pixel::<B>(&mut tiles, [x, y], B::quick_amount(peak * weight), colour, projector.stop);
+                blend_pixel::<B>(&mut tiles, [x, y], B::near_amount(peak * weight), colour, projector.stop);
                 is_drawn = true;
             }
         }
@@ -145,8 +149,9 @@ impl Splat<'_> {
     /// Returns the first and last column, then the first and last row, of a box of all pixels that the splat reaches.
     fn pixels(&self) -> [(i32, i32); 2] {
         match self {
-            Splat::Footprint { kernel: SplatKernel { centre: [x, y], ellipse, .. }, .. } => {
-                [pixel_span(*x, ellipse.half_x), pixel_span(*y, ellipse.half_y)]
+            Splat::Footprint { kernel: SplatKernel { centre, ellipse, .. }, .. } => {
+                let Centre { x, y, offset_x, offset_y } = *centre;
+                [pixel_span((x, offset_x), ellipse.half_x), pixel_span((y, offset_y), ellipse.half_y)]
             }
             Splat::Near { kernel, .. } => [kernel.columns, kernel.rows].map(|[first, last]| (first, last)),
         }
@@ -190,11 +195,11 @@ pub(super) fn draw_largest(task: &DrawTask, rect: Rect) -> Result<BandResult> {
                     advance(&mut values, nested[0].wrapping_sub(*last));
                     *last = nested[0];
                 }
-                let seen = rays.seen_from(position, [x & !3, y & !3]);
+                let near = rays.near(position, [x & !3, y & !3]);
                 let (column, row) = ([(x & 3) as f32], [(y & 3) as f32]);
                 let weights = match rays {
-                    MaximumRays::Parallel { .. } => seen.weights::<false, 1>(&column, &row),
-                    MaximumRays::Perspective { .. } => seen.weights::<true, 1>(&column, &row),
+                    MaximumRays::Parallel { .. } => near.weights::<false, 1>(&column, &row),
+                    MaximumRays::Perspective { .. } => near.weights::<true, 1>(&column, &row),
                 };
                 for (sum, weight) in values[1..].iter_mut().zip(weights) {
                     sum[0] += value * weight[0];
@@ -253,35 +258,30 @@ fn splat<'a>(task: &'a DrawTask, voxel: [u16; 3], record: usize) -> Option<Colou
         return None;
     }
     let [red, green, blue, depth] = projector.look(record);
-    let (position, shape) = place(projector, voxel, record);
-    let splat = project_voxel(projector, position, shape, depth)?;
-    Some((splat, lit_colour(projector, voxel, record, [red, green, blue])))
-}
-
-/// Returns where a voxel lies along the slow, medium and fast axis, and the shape of its kernel.
-fn place(projector: &Projector, voxel: [u16; 3], record: usize) -> ([f64; 3], usize) {
     let (offset, shape) = projector.offset(record);
     let nested = projector.slow_medium_fast.map(|axis| f64::from(voxel[axis]));
-    ([0, 1, 2].map(|axis| nested[axis] + f64::from(offset[axis])), shape)
+    let place = [0, 1, 2].map(|axis| nested[axis] + f64::from(offset[axis]));
+    let splat = project_voxel(projector, place, shape, depth)?;
+    Some((splat, lit_colour(projector, voxel, record, [red, green, blue])))
 }
 
 /// Returns the splat of a voxel of this depth at a place along the slow, medium and fast axis; `None` if it is behind the eye or clipped, or shows nothing.
 fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize, depth: f32) -> Option<Splat<'a>> {
     let affine = |map: &Affine| affine_at(&projector.nested(map), position);
-    let footprint_at = |centre: [f64; 2], ellipse: Ellipse, strength: f32, rays: Option<&'a EyeRays>| {
-        let centre = centre.map(nearest_pixel);
+    let centre = |column: f64, row: f64| {
+        let ((x, offset_x), (y, offset_y)) = (nearest_pixel(column), nearest_pixel(row));
+        Centre { x, y, offset_x, offset_y }
+    };
+    let footprint_at = |centre: Centre, ellipse: Ellipse, strength: f32, rays: Option<&'a EyeRays>| {
         let peak = if rays.is_some() { depth * strength } else { limited(depth, strength) };
-        let splat = Splat::Footprint {
-            kernel: SplatKernel { centre, ellipse, cut_exponent: projector.cut_exponent, peak },
-            rays,
-        };
+        let splat = Splat::Footprint { kernel: SplatKernel { centre, ellipse, cut: projector.cut, peak }, rays };
         (strength > 0.0 && peak > 0.0).then_some(splat)
     };
     match &projector.map {
         PixelMap::Parallel { pixel_from_voxel: [column, row], .. } => {
             let alike = (projector.ellipse, projector.strength);
             let (ellipse, strength) = projector.shapes.as_ref().map_or(alike, |shapes| shapes[shape]);
-            footprint_at([affine(column), affine(row)], ellipse, strength, None)
+            footprint_at(centre(affine(column), affine(row)), ellipse, strength, None)
         }
         PixelMap::Perspective { camera_from_voxel, focal, centre: [middle_x, middle_y], near: far } => {
             let [t0, t1, t2] = camera_from_voxel.map(|map| affine(&map));
@@ -303,7 +303,7 @@ fn project_voxel<'a>(projector: &'a Projector, position: [f64; 3], shape: usize,
             let footprint = footprint.in_perspective(square, slant(tan_x, tan_y), closeness);
             let strength = projector.strength * footprint.density * (nearness * nearness);
             let rays = (!footprint.is_widened).then_some(rays);
-            footprint_at([middle_x + focal * right, middle_y - focal * up], footprint.ellipse, strength, rays)
+            footprint_at(centre(middle_x + focal * right, middle_y - focal * up), footprint.ellipse, strength, rays)
         }
     }
 }

@@ -39,7 +39,7 @@ pub struct Projector<'a> {
     /// The radius at which the kernel is cut off, in standard deviations.
     pub(super) cut_off: f32,
     /// The exponent of the kernel at the cut-off radius, in units of ln 2.
-    pub(super) cut_exponent: f32,
+    pub(super) cut: f32,
     /// The low-pass of footprints, in pixels.
     pub(super) low_pass: f32,
     /// Transmittance below which a pixel no longer changes; 0 for never.
@@ -91,7 +91,7 @@ impl<'a> Projector<'a> {
             clip: *clip,
             sigma,
             cut_off,
-            cut_exponent: kernel.cut_exponent(),
+            cut: kernel.cut(),
             low_pass: *low_pass,
             stop,
             slow_medium_fast: [order.slow.index(), order.medium.index(), order.fast.index()],
@@ -229,8 +229,8 @@ impl<'a> Projector<'a> {
         let [right, up, forward] = camera_from_voxel.map(|map| self.nested(&map));
         let reach = self.reach_forward(rays);
         let (focal_single, sigma, cut_off, strength) = (focal as f32, self.sigma, self.cut_off, self.strength);
-        for (from, places) in (0..BLOCK).step_by(VECTOR_WIDTH).zip(&mut out.places) {
-            let mut part = SplatPlaces::default();
+        for from in (0..BLOCK).step_by(VECTOR_WIDTH) {
+            let mut part = SplatPlaces::new();
             for j in 0..VECTOR_WIDTH {
                 let position = positions.at(from + j);
                 let [t0, t1, t2] =
@@ -251,7 +251,7 @@ impl<'a> Projector<'a> {
                 part.on_rays[j] = !is_widened;
                 part.set(j, [centre_x + focal * tan_right, centre_y - focal * tan_up], &ellipse, strength);
             }
-            *places = part;
+            part.copy_to(from, &mut out.places);
         }
     }
 
@@ -260,8 +260,8 @@ impl<'a> Projector<'a> {
     fn place_parallel<C: Coordinates>(&self, pixel_from_voxel: [Affine; 2], positions: &C, out: &mut Splats) {
         let [column, row] = pixel_from_voxel.map(|map| self.nested(&map));
         let alike = (self.ellipse, self.strength);
-        for (from, places) in (0..BLOCK).step_by(VECTOR_WIDTH).zip(&mut out.places) {
-            let mut part = SplatPlaces::default();
+        for from in (0..BLOCK).step_by(VECTOR_WIDTH) {
+            let mut part = SplatPlaces::new();
             for j in 0..VECTOR_WIDTH {
                 let position = positions.at(from + j);
                 let (ellipse, strength) = match (positions.shapes(), &self.shapes) {
@@ -270,7 +270,7 @@ impl<'a> Projector<'a> {
                 };
                 part.set(j, [affine_at(&column, position), affine_at(&row, position)], &ellipse, strength);
             }
-            *places = part;
+            part.copy_to(from, &mut out.places);
         }
     }
 
@@ -286,8 +286,7 @@ impl<'a> Projector<'a> {
         };
         // `place` has left out what is nearer than `far`.
         let count = count.min(BLOCK);
-        let is_placed = |j: usize| places[j / VECTOR_WIDTH].strength[j % VECTOR_WIDTH] > 0.0;
-        if (0..count).fold(true, |all, j| all & is_placed(j)) {
+        if places.strength[..count].iter().fold(true, |all, strength| all & (*strength > 0.0)) {
             return;
         }
         let forward = self.nested(forward);
@@ -300,10 +299,10 @@ impl<'a> Projector<'a> {
                 continue;
             }
             if let Some(kernel) = rays.kernel(self.unnested(position), depth) {
-                let (places, k) = (&mut places[j / VECTOR_WIDTH], j % VECTOR_WIDTH);
-                places.x.set_near(k, kernel.columns);
-                places.y.set_near(k, kernel.rows);
-                (places.strength[k], places.on_rays[k]) = (1.0, false);
+                for (extents, [low, high]) in [(&mut places.x, kernel.columns), (&mut places.y, kernel.rows)] {
+                    (extents.nearest[j], extents.low[j], extents.high[j]) = (low, low, high);
+                }
+                (places.strength[j], places.on_rays[j]) = (1.0, false);
                 near.push((j as u8, kernel));
             }
         }
@@ -331,17 +330,15 @@ impl<'a> Projector<'a> {
     pub fn cull(&self, count: usize, wanted: [bool; BLOCK], out: &mut Splats, tiles: &TileBuffer) {
         let rect = tiles.rect;
         let mut reaching = [false; BLOCK];
-        let parts = reaching.chunks_exact_mut(VECTOR_WIDTH).zip(wanted.chunks_exact(VECTOR_WIDTH));
-        for ((reaching, wanted), SplatPlaces { x, y, strength, .. }) in parts.zip(&out.places) {
-            for k in 0..VECTOR_WIDTH {
-                let reaches = (x.high[k] >= rect.x0)
-                    & (x.low[k] < rect.x1)
-                    & (y.high[k] >= rect.y0)
-                    & (y.low[k] < rect.y1)
-                    & (x.low[k] <= x.high[k])
-                    & (y.low[k] <= y.high[k]);
-                reaching[k] = reaches & wanted[k] & (strength[k] > 0.0);
-            }
+        let SplatPlaces { x, y, strength, .. } = &out.places;
+        for j in 0..BLOCK {
+            let reaches = (x.high[j] >= rect.x0)
+                & (x.low[j] < rect.x1)
+                & (y.high[j] >= rect.y0)
+                & (y.low[j] < rect.y1)
+                & (x.low[j] <= x.high[j])
+                & (y.low[j] <= y.high[j]);
+            reaching[j] = reaches & wanted[j] & (strength[j] > 0.0);
         }
         let mut kept = 0;
         for j in 0..count {
@@ -384,12 +381,9 @@ pub(super) fn slant(tan_x: f32, tan_y: f32) -> f32 {
     (1.0 + tan_x * tan_x + tan_y * tan_y).sqrt()
 }
 
-/// The pixel nearest to a coordinate, and the coordinate minus that pixel.
-pub(super) type NearestPixel = (i32, f32);
-
-/// Returns the pixel nearest to a coordinate, which is limited to +-1e9 pixels.
+/// Returns the pixel nearest to a coordinate, limited to +-1e9 pixels, and the coordinate minus that pixel.
 #[inline(always)]
-pub(super) fn nearest_pixel(at: f64) -> NearestPixel {
+pub(super) fn nearest_pixel(at: f64) -> (i32, f32) {
     // Adding `ROUND` leaves the nearest integer in the low bits of the sum.
     const ROUND: f64 = 6_755_399_441_055_744.0;
     const FAR: f64 = 1e9;
@@ -401,7 +395,7 @@ pub(super) fn nearest_pixel(at: f64) -> NearestPixel {
 
 /// Returns the first and last pixel within `half_width` pixels of a centre; may include one slightly farther away.
 #[inline(always)]
-pub(super) fn pixel_span((nearest, offset): NearestPixel, half_width: f32) -> (i32, i32) {
+pub(super) fn pixel_span((nearest, offset): (i32, f32), half_width: f32) -> (i32, i32) {
     const ROUND: f32 = 12_582_912.0;
     const NEARLY_HALF: f32 = 0.499_9;
     let integer = |value: f32| ((value + ROUND).to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32);

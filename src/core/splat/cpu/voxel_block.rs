@@ -69,7 +69,7 @@ impl VoxelBlock {
 
     /// Returns whether there is room for `more` voxels.
     #[inline(always)]
-    pub fn has_room(&self, more: usize) -> bool {
+    pub fn have_room(&self, more: usize) -> bool {
         self.count + more <= BLOCK
     }
 
@@ -121,16 +121,5 @@ impl VoxelBlock {
         }
         self.count += count;
         count
-    }
-}
-
-/// Returns the least and the greatest coordinate.
-#[inline(always)]
-pub(super) fn ends(coordinates: &[u16]) -> [u16; 2] {
-    let widen = |ends: [u16; 2], &at: &u16| [ends[0].min(at), ends[1].max(at)];
-    // A compiler uses vectors where it knows the length.
-    match coordinates.as_array::<GROUP>() {
-        Some(group) => group.iter().fold([u16::MAX, 0], widen),
-        None => coordinates.iter().fold([u16::MAX, 0], widen),
     }
 }

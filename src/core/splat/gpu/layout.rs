@@ -212,7 +212,7 @@ impl FrameUniform {
             uniform.light_weights = [ambient, diffuse, specular, f32::from(channels.coherence)];
             uniform.shininess = shininess.into();
         }
-        (uniform.sigma, uniform.cut_off, uniform.cut_exponent) = (sigma, cut_off, kernel.cut_exponent());
+        (uniform.sigma, uniform.cut_off, uniform.cut_exponent) = (sigma, cut_off, kernel.cut());
         uniform.near_sigma = shot.near_kernel.sigma;
         uniform.low_pass = shot.low_pass;
         uniform.max_depth = MAX_DEPTH as f32 * LOG2_E;

@@ -22,7 +22,7 @@ use std::time::Instant;
 use super::SLACK;
 use super::lists::Lists;
 use super::look_tables::LookTables;
-use super::scan_line::{OneWay, same};
+use super::scan_line::{OneWay, ends, same};
 use super::slab::Slab;
 use super::spans::Spans;
 use super::stamps::Stamps;
@@ -35,7 +35,7 @@ use crate::splat::cpu::lattice::{Footprints, Lattice, Slice};
 use crate::splat::cpu::project::{Projector, limited};
 use crate::splat::cpu::task::{BandStats, DrawTask};
 use crate::splat::cpu::tile_buffer::{Rect, TILE_SHIFT, TileBuffer};
-use crate::splat::cpu::voxel_block::{GROUP, VoxelBlock, ends};
+use crate::splat::cpu::voxel_block::{GROUP, VoxelBlock};
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Draws the rows of tiles from `first` to before `end`; `shown` tells which tiles of the plane the picture may show. The band then
@@ -68,9 +68,8 @@ struct LatticePainter<'a, 'b, B> {
 impl<B: Blend> Visitor for LatticePainter<'_, '_, B> {
     fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
         let [slow, medium, _] = self.task.projector.slow_medium_fast;
-        let rows = [bounds.low[slow], bounds.high[slow]].map(|slow| {
-            self.band.rows_reached(&self.band.lattice.slice(slow), [bounds.low[medium], bounds.high[medium]])
-        });
+        let rows = [bounds.low[slow], bounds.high[slow]]
+            .map(|slow| self.band.rows_near(&self.band.lattice.slice(slow), [bounds.low[medium], bounds.high[medium]]));
         let (low, high) = (rows[0][0].min(rows[1][0]), rows[0][1].max(rows[1][1]));
         self.task.projector.clip.meets(bounds) && high >= 0 && low < self.band.rows as i32
     }
@@ -79,12 +78,12 @@ impl<B: Blend> Visitor for LatticePainter<'_, '_, B> {
         let [slow, medium, fast] = self.task.projector.slow_medium_fast;
         let band = &*self.band;
         let slice = band.lattice.slice(bounds.low[slow]);
-        let [low, high] = band.rows_reached(&slice, [bounds.low[medium], bounds.high[medium]]);
+        let [low, high] = band.rows_near(&slice, [bounds.low[medium], bounds.high[medium]]);
         let (low, high) = (low.max(0), high.min(band.rows as i32 - 1));
         if low > high || !self.task.projector.clip.meets(bounds) {
             return false;
         }
-        let [left, right] = band.tiles_reached(0, &slice, [bounds.low[fast], bounds.high[fast]]);
+        let [left, right] = band.tiles_near(0, &slice, [bounds.low[fast], bounds.high[fast]]);
         (low..=high).any(|row| band.tiles.open_tiles.any(row as usize, [left, right]))
     }
 
@@ -199,7 +198,7 @@ impl<'a, B: Blend> Band<'a, B> {
     /// Returns the first and last tile of the plane, along columns (`side` 0) or rows (1), that kernels of voxels between
     /// `low` and `high` may reach.
     #[inline(always)]
-    fn tiles_reached(&self, side: usize, slice: &Slice, [low, high]: [u16; 2]) -> [i32; 2] {
+    fn tiles_near(&self, side: usize, slice: &Slice, [low, high]: [u16; 2]) -> [i32; 2] {
         let pixel = |voxel: u16| (f64::from(voxel) - slice.origin[side]) / slice.step[side];
         let (low, high) = (pixel(low), pixel(high));
         // A kernel reaches pixels whose rays are steeper or flatter than the voxel's own.
@@ -210,8 +209,8 @@ impl<'a, B: Blend> Band<'a, B> {
 
     /// Returns the first and last row of tiles, counted from the band's first, that kernels of these voxels may reach.
     #[inline(always)]
-    fn rows_reached(&self, slice: &Slice, medium: [u16; 2]) -> [i32; 2] {
-        self.tiles_reached(1, slice, medium).map(|row| row - self.first_row)
+    fn rows_near(&self, slice: &Slice, medium: [u16; 2]) -> [i32; 2] {
+        self.tiles_near(1, slice, medium).map(|row| row - self.first_row)
     }
 
     /// Finds the map from the medium axis to rows of tiles of the slice at hand.
@@ -268,7 +267,7 @@ impl<'a, B: Blend> Band<'a, B> {
     fn begin_slice(&mut self, projector: &Projector) {
         let index = self.slab.begin_slice();
         if let Some(stamps) = &mut self.stamps {
-            stamps.set::<B>(index, self.lattice, &self.slice, projector.cut_exponent);
+            stamps.set::<B>(index, self.lattice, &self.slice, projector.cut);
         }
         if let Some(spans) = &mut self.spans {
             spans.set(index, self.lattice, &self.slice, self.first_row);
@@ -357,7 +356,7 @@ impl<'a, B: Blend> Band<'a, B> {
             let voxels = line.take(columns);
             let (from, end) = (start + voxels.start, start + voxels.end);
             for from in (from..end).step_by(GROUP) {
-                if !self.voxels.has_room(GROUP) {
+                if !self.voxels.have_room(GROUP) {
                     self.flush(projector);
                 }
                 self.voxels.add_group(batch, from, GROUP.min(end - from));
@@ -376,7 +375,7 @@ impl<'a, B: Blend> Band<'a, B> {
             if first > high || last < low || !self.together.any(0, ends.map(i32::from)) {
                 continue;
             }
-            if !self.voxels.has_room(GROUP) {
+            if !self.voxels.have_room(GROUP) {
                 self.flush(projector);
             }
             if first >= low && last <= high && self.together.all(0, ends) {

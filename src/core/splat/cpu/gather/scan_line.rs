@@ -24,6 +24,17 @@ pub(super) fn same(coordinates: &[u16]) -> usize {
     count + rest.iter().take_while(|other| *other == first).count()
 }
 
+/// Returns the least and the greatest of at most [`GROUP`] coordinates.
+#[inline(always)]
+pub(super) fn ends(coordinates: &[u16]) -> [u16; 2] {
+    let widen = |ends: [u16; 2], &at: &u16| [ends[0].min(at), ends[1].max(at)];
+    // A compiler uses vectors where it knows the length.
+    match coordinates.first_chunk::<GROUP>() {
+        Some(group) => group.iter().fold([u16::MAX, 0], widen),
+        None => coordinates.iter().fold([u16::MAX, 0], widen),
+    }
+}
+
 /// Most voxels of a line with gaps that is tested in groups.
 const SHORT: usize = 2 * GROUP;
 

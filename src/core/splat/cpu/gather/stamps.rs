@@ -160,7 +160,7 @@ impl Stamps {
 
     /// Computes the stamps of `slice`, which is the slab's slice `index`.
     #[inline(always)]
-    pub(super) fn set<B: Blend>(&mut self, index: usize, lattice: &Lattice, slice: &Slice, cut_exponent: f32) {
+    pub(super) fn set<B: Blend>(&mut self, index: usize, lattice: &Lattice, slice: &Slice, cut: f32) {
         let first = [0, 1].map(|side| (slice.origin[side] - lattice.reach(side, [0.0; 2]) - SLACK).ceil() as i32);
         self.first[index] = first;
         let [columns, rows] = self.size.map(|side| side as usize);
@@ -178,7 +178,7 @@ impl Stamps {
                 let (row, down) = lattice.place_along(slice, 1, medium);
                 for ((&(column, right), stamp), number) in self.across.iter().zip(stamps.iter_mut()).zip(0..) {
                     let place = Place { pixel: [column, row], offset: [right, down], scale: slice.scale() };
-                    *stamp = rays.weights(&place, cut_exponent);
+                    *stamp = rays.weights(&place, cut);
                     if stamp.iter().fold(0, |all, weight| all | weight.to_bits()) != 0 {
                         *ends = [ends[0].min(number), ends[1].max(number)];
                     }
@@ -186,7 +186,7 @@ impl Stamps {
                 *widest = [widest[0].min(ends[0]), widest[1].max(ends[1])];
                 if let Some(depth) = self.depth {
                     for amount in stamps.as_flattened_mut() {
-                        *amount = B::quick_amount(depth * *amount);
+                        *amount = B::near_amount(depth * *amount);
                     }
                 }
             }

@@ -7,7 +7,7 @@ use super::slab::Slab;
 use super::stamps::Stamps;
 use crate::splat::block_kernel::SHAPES;
 use crate::splat::cpu::blend::Blend;
-use crate::splat::cpu::lattice::{Footprints, Lattice, TileRays, quick_weight};
+use crate::splat::cpu::lattice::{Footprints, Lattice, TileRays, near_weight};
 use crate::splat::cpu::project::{Projector, limited};
 use crate::splat::cpu::tile_buffer::{TILE_PIXELS, TileBuffer};
 
@@ -74,12 +74,12 @@ impl Weights<'_> {
                 let count = match &kernels {
                     None if is_displaced => {
                         let rays_of = |splat| Some(TileRays::new(tile, self.lattice.kernel(tile, shape(splat)?)));
-                        compute_amounts::<B>(rays_of, projector.cut_exponent, slab, few, &mut amounts)
+                        compute_amounts::<B>(rays_of, projector.cut, slab, few, &mut amounts)
                     }
-                    None => compute_amounts::<B>(|_| Some(rays), projector.cut_exponent, slab, few, &mut amounts),
+                    None => compute_amounts::<B>(|_| Some(rays), projector.cut, slab, few, &mut amounts),
                     Some(kernels) => {
                         let rays_of = |splat| Some(TileRays::new(tile, kernels[shape(splat)?]));
-                        compute_amounts::<B>(rays_of, projector.cut_exponent, slab, few, &mut amounts)
+                        compute_amounts::<B>(rays_of, projector.cut, slab, few, &mut amounts)
                     }
                 };
                 for (amounts, &splat) in amounts.iter().zip(few).take(count) {
@@ -101,7 +101,7 @@ impl Weights<'_> {
 fn amounts<B: Blend>(weights: &[f32; TILE_PIXELS], peak: f32) -> [f32; TILE_PIXELS] {
     let mut amounts = [0.0; TILE_PIXELS];
     for i in 0..TILE_PIXELS {
-        amounts[i] = B::quick_amount(peak * weights[i]);
+        amounts[i] = B::near_amount(peak * weights[i]);
     }
     amounts
 }
@@ -114,7 +114,7 @@ fn amounts<B: Blend>(weights: &[f32; TILE_PIXELS], peak: f32) -> [f32; TILE_PIXE
 #[inline(always)]
 fn compute_amounts<B: Blend>(
     rays_of: impl Fn(u32) -> Option<TileRays>,
-    cut_exponent: f32,
+    cut: f32,
     slab: &Slab,
     splats: &[u32],
     amounts: &mut [[f32; TILE_PIXELS]; FEW],
@@ -129,12 +129,12 @@ fn compute_amounts<B: Blend>(
     }
     for (values, peak) in amounts.iter_mut().zip(peaks).take(count) {
         for value in values {
-            *value = peak * quick_weight(*value, cut_exponent);
+            *value = peak * near_weight(*value, cut);
         }
     }
     for depths in amounts.iter_mut().take(count) {
         for depth in depths {
-            *depth = B::quick_amount(*depth);
+            *depth = B::near_amount(*depth);
         }
     }
     count

@@ -81,7 +81,7 @@ impl Footprints {
         let strip = WeightStrip { before, strips, rows: rows as usize, scale: slice.scale() };
         let kernels = lattice.kernels([0, 0]);
         for (weights, kernel) in weights.chunks_exact_mut(of_shape).zip(kernels) {
-            compute(&TileRays::new([0, 0], kernel), &strip, projector.cut_exponent, weights.as_chunks_mut().0);
+            compute(&TileRays::new([0, 0], kernel), &strip, projector.cut, weights.as_chunks_mut().0);
         }
         let code_shift = if channels.coverage_bits == 8 { 0 } else { SHARE_BITS };
         let mut displacements =
@@ -209,13 +209,13 @@ struct WeightStrip {
 
 /// Computes the weights of all places, strip after strip, four rows at a time.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn compute(rays: &TileRays, strip: &WeightStrip, cut_exponent: f32, weights: &mut [[f32; TILE_PIXELS]]) {
+fn compute(rays: &TileRays, strip: &WeightStrip, cut: f32, weights: &mut [[f32; TILE_PIXELS]]) {
     for (index, weights) in (0..).zip(weights.chunks_exact_mut(strip.rows / 4)) {
         let (place, column): (i32, i32) = (index / strip.strips, index % strip.strips);
         let offset = [place % PLACES, place / PLACES].map(|place| (place - MIDDLE) as f32 / PLACES as f32);
         for (row, weights) in (0..).step_by(4).zip(weights) {
             let pixel = [strip.before[0] - column, strip.before[1] - row];
-            *weights = rays.weights(&Place { pixel, offset, scale: strip.scale }, cut_exponent);
+            *weights = rays.weights(&Place { pixel, offset, scale: strip.scale }, cut);
         }
     }
 }

@@ -33,7 +33,7 @@ use glam::{DMat3, DVec3};
 
 pub(super) use self::footprints::Footprints;
 pub(super) use self::low_pass::LowPass;
-pub(super) use self::tile_rays::{TileRays, quick_weight};
+pub(super) use self::tile_rays::{TileRays, near_weight};
 use super::front::Front;
 use super::project::nearest_pixel;
 use super::tile_buffer::TILE_SHIFT;

@@ -5,7 +5,7 @@
 use glam::DVec3;
 
 use super::{Lattice, Place, PlaneRays};
-use crate::splat::arith::{LOG2_E, keep_if, quick_exp2_neg};
+use crate::splat::arith::{LOG2_E, keep_if, near_exp2_neg};
 use crate::splat::block_kernel::SHAPES;
 use crate::splat::cpu::tile_buffer::{COLUMN, ROW, TILE_PIXELS, TILE_SHIFT};
 
@@ -51,12 +51,12 @@ impl TileRays {
         self.kernel.strength
     }
 
-    /// Returns the weight of a voxel's kernel at the pixels of the tile, 0 to 1; 0 where the exponent is above `cut_exponent`.
+    /// Returns the weight of a voxel's kernel at the pixels of the tile, 0 to 1; 0 where the exponent is above `cut`.
     #[inline(always)]
-    pub(in super::super) fn weights(&self, place: &Place, cut_exponent: f32) -> [f32; TILE_PIXELS] {
+    pub(in super::super) fn weights(&self, place: &Place, cut: f32) -> [f32; TILE_PIXELS] {
         let mut values = self.exponents(place);
         for value in &mut values {
-            *value = quick_weight(*value, cut_exponent);
+            *value = near_weight(*value, cut);
         }
         values
     }
@@ -77,11 +77,11 @@ impl TileRays {
     }
 }
 
-/// Returns the weight of a kernel from its exponent; 0 where that is above `cut_exponent`.
+/// Returns the weight of a kernel from its exponent; 0 where that is above `cut`.
 #[inline(always)]
-pub(in super::super) fn quick_weight(exponent: f32, cut_exponent: f32) -> f32 {
+pub(in super::super) fn near_weight(exponent: f32, cut: f32) -> f32 {
     // Beyond the cut-off the exponential may be meaningless, and `keep_if` replaces it by 0.
-    keep_if(exponent <= cut_exponent, quick_exp2_neg(exponent))
+    keep_if(exponent <= cut, near_exp2_neg(exponent))
 }
 
 /// Returns how long a ray of these slopes is from slice to slice in the world, over its length in voxels: |S (1, t)| / |(1, t)|.

@@ -12,8 +12,8 @@ use crate::splat::cpu::dispatch;
 use crate::splat::cpu::splats::Splats;
 use crate::splat::cpu::task::{BandResult, DrawTask};
 use crate::splat::cpu::tile_buffer::{Rect, TileBuffer};
-use crate::splat::cpu::voxel_block::{BLOCK, GROUP, VoxelBlock, ends};
-use crate::traverse::{Batch, Order, Visitor, VoxelBox};
+use crate::splat::cpu::voxel_block::{BLOCK, GROUP, VoxelBlock};
+use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Draws the band `rect` by splats.
 pub(in super::super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult> {
@@ -79,9 +79,15 @@ impl<F: FnMut(&VoxelBlock, &mut TileBuffer) -> u64> BandPainter<'_, F> {
     /// Returns whether a range of a batch's voxels lies outside the band or behind opaque voxels.
     #[inline(always)]
     fn is_hidden(&self, batch: &Batch, range: Range<usize>) -> bool {
-        let Order { slow, medium, fast, .. } = self.task.setup.order;
-        let [mediums, fasts] = [batch.medium, batch.fast].map(|coordinates| ends(&coordinates[range.clone()]));
-        !self.may_show(&VoxelBox::from_sides([(slow, [batch.slow; 2]), (medium, mediums), (fast, fasts)]))
+        let ends = |coordinates: &[u16]| {
+            coordinates[range.clone()].iter().fold((u16::MAX, 0), |(low, high), &at| (low.min(at), high.max(at)))
+        };
+        let [s, m, f] = self.task.projector.slow_medium_fast;
+        let mut bounds = VoxelBox { low: [batch.slow; 3], high: [batch.slow; 3] };
+        debug_assert_eq!(s + m + f, 3);
+        (bounds.low[m], bounds.high[m]) = ends(batch.medium);
+        (bounds.low[f], bounds.high[f]) = ends(batch.fast);
+        !self.may_show(&bounds)
     }
 
     /// Adds all voxels of a batch.
@@ -89,7 +95,7 @@ impl<F: FnMut(&VoxelBlock, &mut TileBuffer) -> u64> BandPainter<'_, F> {
         let mut from = 0;
         while from < batch.len() {
             from += self.voxels.add(batch, from, BLOCK);
-            if !self.voxels.has_room(1) {
+            if !self.voxels.have_room(1) {
                 self.flush();
             }
         }
@@ -108,7 +114,7 @@ impl<F: FnMut(&VoxelBlock, &mut TileBuffer) -> u64> BandPainter<'_, F> {
                 if self.is_hidden(batch, group.clone()) {
                     continue;
                 }
-                if !self.voxels.has_room(GROUP) {
+                if !self.voxels.have_room(GROUP) {
                     self.flush();
                 }
                 self.voxels.add(batch, group.start, GROUP);

@@ -76,8 +76,8 @@ pub(in super::super) fn add<const IS_PERSPECTIVE: bool>(
                     advance(values, slice.wrapping_sub(*last));
                     *last = slice;
                 }
-                let seen = rays.seen_from(position, [column << TILE_SHIFT, row << TILE_SHIFT]);
-                let weights = seen.weights::<IS_PERSPECTIVE, TILE_PIXELS>(&COLUMN, &ROW);
+                let near = rays.near(position, [column << TILE_SHIFT, row << TILE_SHIFT]);
+                let weights = near.weights::<IS_PERSPECTIVE, TILE_PIXELS>(&COLUMN, &ROW);
                 for (sums, weights) in values[1..].iter_mut().zip(&weights) {
                     let mut new = [0.0; TILE_PIXELS];
                     for i in 0..TILE_PIXELS {
@@ -211,7 +211,7 @@ impl MaximumRays {
 
     /// Returns the rays of a tile whose first pixel is `first`, as seen from a voxel.
     #[inline(always)]
-    pub(in super::super) fn seen_from(&self, [slow, medium, fast]: [f64; 3], first: [i32; 2]) -> RaysFromVoxel {
+    pub(in super::super) fn near(&self, [slow, medium, fast]: [f64; 3], first: [i32; 2]) -> NearRays {
         let [column, row] = first.map(f64::from);
         let at_first = |map: &PixelAffine| apply(&[map[0], map[1], 0.0, map[2]], [column, row, 0.0]);
         match self {
@@ -219,10 +219,10 @@ impl MaximumRays {
                 let apart = |a: usize, voxel: f64| {
                     single([start[a][0], start[a][1], at_first(&start[a]) + slope[a] * slow - voxel])
                 };
-                RaysFromVoxel {
+                NearRays {
                     apart: [apart(0, medium), apart(1, fast)],
                     half_step: slope.map(|slope| single([0.0, 0.0, slope / 2.0])),
-                    ..RaysFromVoxel::default()
+                    ..NearRays::default()
                 }
             }
             MaximumRays::Perspective { eye, direction, near, .. } => {
@@ -230,7 +230,7 @@ impl MaximumRays {
                 let depth = slow - eye[0];
                 let apart =
                     |part: PixelAffine, distance: f64| single([0, 1, 2].map(|c| part[c] * depth - along[c] * distance));
-                RaysFromVoxel {
+                NearRays {
                     apart: [apart(medium_part, medium - eye[1]), apart(fast_part, fast - eye[2])],
                     half_step: [medium_part, fast_part].map(|part| single(part.map(|c| c / 2.0))),
                     along: single(along),
@@ -253,7 +253,7 @@ fn inverse_columns(maps: &[Affine; 3]) -> [[f64; 3]; 3] {
 ///
 /// At a sample k half slices after the voxel, the ray's point is `(apart + k half_step) / along` from the voxel.
 #[derive(Debug, Clone, Copy, Default)]
-pub(in super::super) struct RaysFromVoxel {
+pub(in super::super) struct NearRays {
     /// Along the medium and the fast axis, in voxels; times `along`.
     apart: [[f32; 3]; 2],
     half_step: [[f32; 3]; 2],
@@ -265,7 +265,7 @@ pub(in super::super) struct RaysFromVoxel {
     near: f32,
 }
 
-impl RaysFromVoxel {
+impl NearRays {
     /// Returns the weights of the voxel in the samples half a slice before it, at it and half a slice after it, at `N`
     /// pixels with these columns and rows in the tile.
     #[inline(always)]

@@ -16,13 +16,13 @@ use crate::splat::near::{EyeRays, NearKernel};
 
 /// Draws a block's kept splats; `rays` are those of a perspective. Returns how many touched the band.
 ///
-/// `cut_exponent` is the exponent at the kernel's cut_exponent-off, `stop` the transmittance below which a pixel no longer changes.
+/// `cut` is the exponent at the kernel's cut-off, `stop` the transmittance below which a pixel no longer changes.
 #[inline(always)]
 pub(in super::super) fn draw<B: Blend>(
     tiles: &mut TileBuffer,
     splats: &Splats,
     rays: Option<&EyeRays>,
-    [cut_exponent, stop]: [f32; 2],
+    [cut, stop]: [f32; 2],
 ) -> u64 {
     let mut drawn = 0;
     for k in 0..splats.count.min(BLOCK) {
@@ -40,7 +40,7 @@ pub(in super::super) fn draw<B: Blend>(
             draw_near::<B>(tiles, rays, kernel, peak, place, look, stop);
             continue;
         }
-        let kernel = splats.kernel(j, cut_exponent, peak);
+        let kernel = splats.kernel(j, cut, peak);
         match rays.filter(|_| splats.is_on_rays(j)) {
             None if peak <= SMALL_DEPTH => draw_splat::<B, true>(tiles, None, &kernel, place, look, stop),
             None => draw_splat::<B, false>(tiles, None, &kernel, place, look, stop),

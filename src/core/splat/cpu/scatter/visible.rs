@@ -29,7 +29,7 @@ impl VisibleRecords<'_> {
             if record >= self.records.lane_records() || self.records.contains(record) {
                 continue;
             }
-            let kernel = splats.kernel(j, projector.cut_exponent, 1.0);
+            let kernel = splats.kernel(j, projector.cut, 1.0);
             let depth = |x, y| match (&projector.rays, splats.near(j)) {
                 (Some(rays), Some(kernel)) => rays.depths(kernel, &rays.rays([x], [y]), 1.0)[0],
                 (rays, _) => kernel.depth(x, y, rays.as_ref().filter(|_| splats.is_on_rays(j))),

@@ -15,7 +15,7 @@ pub(super) struct Covered {
     /// For each row: the columns on which something was drawn, and those around them to which the filter carries values.
     spans: Vec<Range<usize>>,
     /// For each pixel: whether something was drawn on it or near it.
-    pub(super) pixels: Vec<bool>,
+    pub(super) near: Vec<bool>,
 }
 
 impl Covered {
@@ -33,22 +33,22 @@ impl Covered {
             }
         });
         let lines: Vec<&[u64]> = drawn.chunks_exact(words).collect();
-        let mut pixels = vec![false; columns * rows];
-        in_parts(&mut pixels, columns, threads, |from, pixels| {
+        let mut near = vec![false; columns * rows];
+        in_parts(&mut near, columns, threads, |from, near| {
             let mut line = vec![0; words];
-            for (row, pixels) in (from..).zip(pixels.chunks_exact_mut(columns)) {
+            for (row, near) in (from..).zip(near.chunks_exact_mut(columns)) {
                 line.fill(0);
                 for other in &lines[row.saturating_sub(reach)..rows.min(row + reach + 1)] {
                     line.iter_mut().zip(*other).for_each(|(bits, other)| *bits |= other);
                 }
                 (0..reach).for_each(|_| spread(&mut line));
-                for (bits, pixels) in line.iter().zip(pixels.chunks_mut(64)) {
-                    pixels.iter_mut().enumerate().for_each(|(i, pixel)| *pixel = bits >> i & 1 == 1);
+                for (bits, near) in line.iter().zip(near.chunks_mut(64)) {
+                    near.iter_mut().enumerate().for_each(|(i, near)| *near = bits >> i & 1 == 1);
                 }
             }
         });
         let spans: Vec<_> = lines.iter().map(|line| span(line, columns)).collect();
-        spans.iter().any(|span| !span.is_empty()).then_some(Covered { spans, pixels })
+        spans.iter().any(|span| !span.is_empty()).then_some(Covered { spans, near })
     }
 
     /// Returns the columns that the filter changes in any of some rows.

@@ -39,7 +39,7 @@ pub(super) fn blur<S: Simd, const TAPS: usize>(
         let lines = line.map(|[step, start]| [step, first as f64 * step + start]);
         let at = PlanePoints::of(simd, lines, from);
         let pixels = &mut row[first..columns.end.min(first + TOGETHER)];
-        for (i, pixel) in pixels.iter_mut().enumerate().filter(|(i, _)| at.covered >> i & 1 == 1) {
+        for (i, pixel) in pixels.iter_mut().enumerate().filter(|(i, _)| at.near >> i & 1 == 1) {
             if is_perspective {
                 gaussian = Gaussian::new(variances.on_plane(map, [(first + i) as f64, y]));
             }

@@ -71,7 +71,7 @@ pub(super) fn warp(
         [range.start.max(around - 1) as f64, range.end.min(end - around) as f64 - 0.001]
     };
     let within = [inner(covered.columns_of(0..rows), columns), inner(covered.rows_of(0..columns), rows)];
-    let samples = Plane { values: plane.pixels().as_chunks().0, covered: &covered.pixels, columns, within };
+    let samples = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
     let map = &plane_from_pixel;
     let variances = Variances { low_pass: deviation * deviation, spline: lattice.low_pass.spline_variance() };
     picture.fill_rows(threads, |y, row| match taps {

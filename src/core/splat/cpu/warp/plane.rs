@@ -59,7 +59,7 @@ pub(super) struct PlanePoints<S: Simd> {
     /// The distance past that pixel, 0 to 1, along columns and along rows.
     pub(super) fraction: [f32x16<S>; 2],
     /// A bit for each point: whether something was drawn near it.
-    pub(super) covered: u32,
+    pub(super) near: u32,
 }
 
 impl<S: Simd> PlanePoints<S> {
@@ -85,11 +85,11 @@ impl<S: Simd> PlanePoints<S> {
         let first = pixel[1] * pitch + pixel[0];
         let right = fraction[0].simd_ge(0.5).select(zero + 1, zero);
         let nearest = (first + right + fraction[1].simd_ge(0.5).select(pitch, zero)).to_array();
-        let mut covered = 0;
+        let mut near = 0;
         for i in 0..TOGETHER {
-            covered |= u32::from(plane.covered.get(nearest[i] as usize).is_some_and(|covered| *covered)) << i;
+            near |= u32::from(plane.covered.get(nearest[i] as usize).is_some_and(|near| *near)) << i;
         }
-        PlanePoints { pixel: first.to_array(), fraction, covered }
+        PlanePoints { pixel: first.to_array(), fraction, near }
     }
 }
 

@@ -128,12 +128,12 @@ pub(super) fn resample<S: Simd>(simd: S, from: &Plane, map: &[[f64; 3]; 3], most
     let rows = from.rows();
     for first in columns.clone().step_by(TOGETHER) {
         let at = PlanePoints::of(simd, line.map(|[step, start]| [step, first as f64 * step + start]), from);
-        if at.covered == 0 {
+        if at.near == 0 {
             continue;
         }
         let [across, down] = at.fraction.map(spline_weights);
         let pixels = &mut row[first..columns.end.min(first + TOGETHER)];
-        for (i, pixel) in pixels.iter_mut().enumerate().filter(|(i, _)| at.covered >> i & 1 == 1) {
+        for (i, pixel) in pixels.iter_mut().enumerate().filter(|(i, _)| at.near >> i & 1 == 1) {
             let first = (at.pixel[i] as usize).wrapping_sub(from.columns + 1);
             *pixel = in_range(weighted(simd, &rows, first, [&across, &down], i), most);
         }
