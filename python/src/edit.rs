@@ -8,11 +8,12 @@ use adjsplat::classify::MagnitudeCodec;
 use adjsplat::classify::normal::{self, Coherence};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{RowsOutput, write_rows};
+use adjsplat::internals::{add_change, description_object};
 use adjsplat::volume::Grid;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::build::{Wanted, threads_or_all};
 use crate::model::Model;
@@ -151,7 +152,7 @@ impl Codes {
         if channels.magnitude_bits == 0 && added.magnitudes.is_some() {
             return refuse("magnitudes", "cannot be added: this file stores none");
         }
-        let last = if channels.value_bits == 8 { 255 } else { u16::MAX };
+        let last = channels.last_value_code();
         let magnitude = match channels.magnitude_bits {
             0 => None,
             _ => Some(MagnitudeCodec::new(facts.scales.magnitude_scale)?),
@@ -199,17 +200,7 @@ impl Codes {
 
 /// Returns the file's description with an entry for this edit.
 fn description(text: &[u8], visible_before: u64, counts: &Counts) -> String {
-    let mut description = serde_json::from_slice(text).unwrap_or(Value::Null);
-    if !description.is_object() {
-        description = json!({});
-    }
-    let entry = json!({
-        "generator": concat!("adjsplat ", env!("CARGO_PKG_VERSION")),
-        "visible_voxels_before": visible_before,
-        "added": counts.added,
-        "replaced": counts.replaced,
-        "removed": counts.removed,
-    });
+    let mut description = description_object(text);
     if let Some([low, high]) = counts.values {
         for (name, added, is_beyond) in [("lowest", low, f64::lt as fn(&f64, &f64) -> bool), ("highest", high, f64::gt)]
         {
@@ -219,9 +210,7 @@ fn description(text: &[u8], visible_before: u64, counts: &Counts) -> String {
             }
         }
     }
-    match description["edited"].as_array_mut() {
-        Some(history) => history.push(entry),
-        None => description["edited"] = json!([entry]),
-    }
+    let change = json!({ "added": counts.added, "replaced": counts.replaced, "removed": counts.removed });
+    add_change(&mut description, "edited", visible_before, change);
     description.to_string()
 }

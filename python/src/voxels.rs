@@ -74,8 +74,7 @@ impl Model {
     fn decoded<T: Value>(&self) -> adjsplat::Result<Vec<T>> {
         let arena = self.level_arena()?;
         let facts = arena.facts();
-        let last = if facts.channels.value_bits == 8 { 255 } else { u16::MAX };
-        Ok((0..=last).map(|code| T::nearest(facts.scales.value(code.into()))).collect())
+        Ok((0..=facts.channels.last_value_code()).map(|code| T::nearest(facts.scales.value(code.into()))).collect())
     }
 
     fn fill_block<T: Value>(&self, out: &Bound<'_, PyArray3<T>>, low: [u32; 3]) -> PyResult<()> {

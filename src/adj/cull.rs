@@ -16,6 +16,7 @@ use super::values::number;
 use adjsplat::arena::{LaneRows, LaneSet, Levels};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput};
+use adjsplat::internals::description_object;
 use adjsplat::splat::Scene;
 use adjsplat::volume::Axis;
 use adjsplat_judge::hidden::{Algorithm, Culling, CullingStage, DEFAULT_EPS, DEFAULT_VIEWS, check_memory, find};
@@ -114,7 +115,7 @@ pub(super) fn cull(file: &AdjFile, output: &Path, culling: &Culling, levels: Lev
     let bytes_before = arena.bytes().len() as u64;
     let lane_count = u8::try_from(arena.lanes().count()).expect("there are three axes");
     let transfer = stored_transfer(&arena, file.path())?;
-    let mut description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
+    let mut description = description_object(arena.description());
     // Lanes that the file does not store are derived, and their memory counts too.
     let lanes = LaneSet::new(arena, Some(culling.memory));
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };

@@ -88,7 +88,7 @@ fn wait_in_handler() -> std::io::Result<()> {
     let (reader, mut writer) = std::io::pipe()?;
     // Makes all writes to this pipe such that they do not wait.
     pipe::register(SIGABRT, writer.try_clone()?)?;
-    while writer.write(&[0; PAGE as usize]).is_ok() {}
+    while writer.write(&[0; 1 << 12]).is_ok() {}
     // Nobody reads it, but a pipe without a reader would not be waited for.
     std::mem::forget(reader);
     Ok(rustix::io::ioctl_fionbio(&writer, false)?)

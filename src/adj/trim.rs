@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::build::{LANES, TILE_ORDERS, Written, check_adj_output, say_levels, say_rounding, write_adj};
 use super::classification::ClassificationArguments;
@@ -19,6 +19,7 @@ use adjsplat::arena::{Arena, Levels, Region, TileOrder, Trim, TrimOptions, trim}
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::RowsOutput;
+use adjsplat::internals::{add_change, description_object};
 use adjsplat::traverse::VoxelBox;
 
 /// Make a new .adj file from an .adj file: crop it, show fewer voxels, store less of each, or add levels of detail
@@ -161,25 +162,16 @@ fn warn(arena: &Arena, options: &TrimOptions, left: &Trim) {
             left.blurred_away
         ));
     }
-    let hidden = description_of(arena)["hidden_voxels"].is_object();
+    let hidden = description_object(arena.description())["hidden_voxels"].is_object();
     if hidden && (options.crop.is_some() || options.transfer.is_some()) {
         print_note("warning: the file was built without hidden voxels; what is cut open may show where they were");
     }
 }
 
-/// Returns the file's description; an empty object if it has none that can be read.
-fn description_of(arena: &Arena) -> Value {
-    let description = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
-    if description.is_object() { description } else { json!({}) }
-}
-
 /// Returns the file's description with an entry for this trim.
 fn description(arena: &Arena, arguments: &Arguments, crop: Option<VoxelBox>, left: &Trim) -> String {
-    let mut description = description_of(arena);
-    let mut entry = json!({
-        "generator": concat!("adjsplat ", env!("CARGO_PKG_VERSION")),
-        "visible_voxels_before": arena.facts().visible_voxels,
-    });
+    let mut description = description_object(arena.description());
+    let mut entry = json!({});
     if let Some(VoxelBox { low, high }) = crop {
         entry["crop"] = json!([0, 1, 2].map(|a| [low[a], high[a]]));
         entry["dims_before"] = json!(arena.facts().grid.dims);
@@ -203,10 +195,7 @@ fn description(arena: &Arena, arguments: &Arguments, crop: Option<VoxelBox>, lef
     if packing.normals.is_some() {
         entry["normal_bits_before"] = json!(arena.facts().channels.normal_bits);
     }
-    match description["trimmed"].as_array_mut() {
-        Some(history) => history.push(entry),
-        None => description["trimmed"] = json!([entry]),
-    }
+    add_change(&mut description, "trimmed", arena.facts().visible_voxels, entry);
     description.to_string()
 }
 

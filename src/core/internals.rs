@@ -26,6 +26,7 @@ pub mod scatter {
 pub use crate::arena::{
     lane::STEPPING, pack::LanePacker, pager::in_flight, record_set::RecordSet, transpose::transpose, visible::MAX_DEPTH,
 };
+pub use crate::build::description::{add_change, description_object};
 pub use crate::build::{budget::Budget, description};
 pub use crate::volume::{phantom::fields::next_random, source::obtainable};
 

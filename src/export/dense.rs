@@ -43,18 +43,14 @@ impl<'a> DenseVolume<'a> {
         &self.voxels.grid
     }
 
+    /// Returns the entry for the samples' type of those for u8, i8, u16, i16, u32, i32, f32 and f64.
+    pub(crate) fn of_type<T: Copy>(&self, entries: [T; 8]) -> T {
+        entries[self.sample_type as usize]
+    }
+
     /// Returns numpy's name of the samples' type.
     pub(crate) fn numpy_type(&self) -> &'static str {
-        match self.sample_type {
-            SampleType::U8 => "|u1",
-            SampleType::I8 => "|i1",
-            SampleType::U16 => "<u2",
-            SampleType::I16 => "<i2",
-            SampleType::U32 => "<u4",
-            SampleType::I32 => "<i4",
-            SampleType::F32 => "<f4",
-            SampleType::F64 => "<f8",
-        }
+        self.of_type(["|u1", "|i1", "<u2", "<i2", "<u4", "<i4", "<f4", "<f8"])
     }
 
     /// Returns the number of bytes of all samples; below 2^51.

@@ -8,7 +8,6 @@ use std::io::Write;
 use super::dense::DenseVolume;
 use super::output::{Progress, Written};
 use super::units;
-use adjsplat::volume::SampleType;
 
 pub(crate) fn write(out: &mut dyn Write, volume: &DenseVolume, progress: &Progress) -> Written {
     out.write_all(header(volume).as_bytes())?;
@@ -23,22 +22,14 @@ fn header(volume: &DenseVolume) -> String {
     let [dx, dy, dz] = grid.spacing;
     let [along_x, along_y, along_z] = grid.direction.map(world);
     let origin = world(grid.origin);
-    let sample_type = match volume.sample_type {
-        SampleType::U8 => "MET_UCHAR",
-        SampleType::I8 => "MET_CHAR",
-        SampleType::U16 => "MET_USHORT",
-        SampleType::I16 => "MET_SHORT",
-        SampleType::U32 => "MET_UINT",
-        SampleType::I32 => "MET_INT",
-        SampleType::F32 => "MET_FLOAT",
-        SampleType::F64 => "MET_DOUBLE",
-    };
+    let names = ["UCHAR", "CHAR", "USHORT", "SHORT", "UINT", "INT", "FLOAT", "DOUBLE"];
+    let sample_type = volume.of_type(names);
     let unit = units::metaimage_name(grid.unit.as_deref());
     let unit = unit.map_or(String::new(), |unit| format!("DistanceUnits = {unit}\n"));
     format!(
         "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nCompressedData = False\n\
          TransformMatrix = {along_x} {along_y} {along_z}\nOffset = {origin}\nCenterOfRotation = 0 0 0\n\
-         {unit}ElementSpacing = {dx} {dy} {dz}\nDimSize = {nx} {ny} {nz}\nElementType = {sample_type}\n\
+         {unit}ElementSpacing = {dx} {dy} {dz}\nDimSize = {nx} {ny} {nz}\nElementType = MET_{sample_type}\n\
          ElementDataFile = LOCAL\n"
     )
 }

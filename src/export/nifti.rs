@@ -81,7 +81,7 @@ fn header_1(volume: &DenseVolume) -> Vec<u8> {
     }
     header.pad_to(68);
     header.put(&intent(volume).to_le_bytes());
-    header.put(&data_type(volume.sample_type).to_le_bytes());
+    header.put(&data_type(volume).to_le_bytes());
     header.put(&bits(volume.sample_type).to_le_bytes());
     header.pad_to(76);
     header.single(&place.pixdim);
@@ -106,7 +106,7 @@ pub(crate) fn header_2(volume: &DenseVolume) -> Vec<u8> {
     let mut header = HeaderBytes::default();
     header.put(&540i32.to_le_bytes());
     header.put(b"n+2\0\r\n\x1a\n");
-    header.put(&data_type(volume.sample_type).to_le_bytes());
+    header.put(&data_type(volume).to_le_bytes());
     header.put(&bits(volume.sample_type).to_le_bytes());
     let [nx, ny, nz] = volume.grid().dims.map(i64::from);
     for points in [3, nx, ny, nz, 1, 1, 1, 1] {
@@ -180,15 +180,6 @@ fn bits(sample_type: SampleType) -> i16 {
     i16::try_from(sample_type.bits()).expect("at most 64 bits")
 }
 
-fn data_type(sample_type: SampleType) -> i16 {
-    match sample_type {
-        SampleType::U8 => 2,
-        SampleType::I8 => 256,
-        SampleType::U16 => 512,
-        SampleType::I16 => 4,
-        SampleType::U32 => 768,
-        SampleType::I32 => 8,
-        SampleType::F32 => 16,
-        SampleType::F64 => 64,
-    }
+fn data_type(volume: &DenseVolume) -> i16 {
+    volume.of_type([2, 256, 512, 4, 768, 8, 16, 64])
 }

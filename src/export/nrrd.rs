@@ -10,7 +10,6 @@ use flate2::write::GzEncoder;
 use super::dense::DenseVolume;
 use super::output::{Progress, Written};
 use super::units;
-use adjsplat::volume::SampleType;
 
 pub(crate) fn write(out: &mut dyn Write, volume: &DenseVolume, progress: &Progress) -> Written {
     out.write_all(header(volume).as_bytes())?;
@@ -26,16 +25,7 @@ fn header(volume: &DenseVolume) -> String {
     let vector = |[x, y, z]: [f64; 3]| format!("({x},{y},{z})");
     let [along_x, along_y, along_z] = volume.steps().map(vector);
     let origin = vector(grid.origin);
-    let sample_type = match volume.sample_type {
-        SampleType::U8 => "uint8",
-        SampleType::I8 => "int8",
-        SampleType::U16 => "uint16",
-        SampleType::I16 => "int16",
-        SampleType::U32 => "uint32",
-        SampleType::I32 => "int32",
-        SampleType::F32 => "float",
-        SampleType::F64 => "double",
-    };
+    let sample_type = volume.of_type(["uint8", "int8", "uint16", "int16", "uint32", "int32", "float", "double"]);
     let unit = units::nrrd_name(grid.unit.as_deref());
     let unit = unit.map_or(String::new(), |unit| format!("space units: \"{unit}\" \"{unit}\" \"{unit}\"\n"));
     format!(

@@ -54,7 +54,7 @@ impl<'a> StoredVoxels<'a> {
             grid: Grid { unit, ..facts.grid.clone() },
             transfer: shown.or_else(|| stored_transfer(arena)),
             count: 0,
-            occurring: vec![false; if facts.channels.value_bits == 8 { 1 << 8 } else { 1 << 16 }],
+            occurring: vec![false; usize::from(facts.channels.last_value_code()) + 1],
             source_type: SampleType::ALL.into_iter().find(|known| Some(known.name()) == type_name),
             source_lowest: description["values"]["lowest"].as_f64(),
             rows: Box::new(LaneRows::new(lane, keep)),

@@ -6,7 +6,6 @@ use std::io::Write;
 
 use super::dense::DenseVolume;
 use super::output::{Progress, Written};
-use adjsplat::volume::SampleType;
 
 pub(crate) fn write(out: &mut dyn Write, volume: &DenseVolume, progress: &Progress) -> Written {
     out.write_all(tags(volume).as_bytes())?;
@@ -24,16 +23,7 @@ fn tags(volume: &DenseVolume) -> String {
     // The matrix is stored row by row; its columns are the axes.
     let rows = [0, 1, 2].map(|w| [0, 1, 2].map(|a| grid.direction[a][w].to_string()).join(" "));
     let direction = rows.join(" ");
-    let sample_type = match volume.sample_type {
-        SampleType::U8 => "UInt8",
-        SampleType::I8 => "Int8",
-        SampleType::U16 => "UInt16",
-        SampleType::I16 => "Int16",
-        SampleType::U32 => "UInt32",
-        SampleType::I32 => "Int32",
-        SampleType::F32 => "Float32",
-        SampleType::F64 => "Float64",
-    };
+    let sample_type = volume.of_type(["UInt8", "Int8", "UInt16", "Int16", "UInt32", "Int32", "Float32", "Float64"]);
     format!(
         "<?xml version=\"1.0\"?>\n\
          <VTKFile type=\"ImageData\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n  \

@@ -15,6 +15,7 @@ use super::pack::Record;
 use super::rows::{Region, Rows, Voxel};
 use crate::error::Result;
 use crate::volume::Axis;
+use crate::volume::grid::coordinate16;
 
 /// Yields the voxels of a lane along x row by row. `keep` receives a voxel's (x, y, z), record index and codes, and
 /// returns the codes to yield, or `None` to drop the voxel.
@@ -72,7 +73,7 @@ impl<'a, K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> LaneRows<'a, K
     pub fn cropped(self, window: &Region) -> LaneRows<'a, K> {
         let mut rows = self.within(window);
         assert!(rows.window.iter().all(|part| !part.is_empty()), "a window holds at least one point");
-        rows.origin = std::array::from_fn(|a| narrow(rows.window[a].start));
+        rows.origin = std::array::from_fn(|a| coordinate16(rows.window[a].start));
         rows.dims = std::array::from_fn(|a| rows.window[a].end - rows.window[a].start);
         rows
     }
@@ -125,16 +126,16 @@ impl<K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> Rows for LaneRows<
                     if line.records.len() > self.lane.dims[0] as usize {
                         continue;
                     }
-                    let (y, z) = (narrow(line.u), narrow(line.v));
+                    let (y, z) = (coordinate16(line.u), coordinate16(line.v));
                     voxels.clear();
                     for (x, index) in self.lane.line_voxels(line.records) {
                         if x >= xs.end {
                             break;
                         }
                         if x >= xs.start
-                            && let Some(record) = (self.keep)([narrow(x), y, z], index, self.lane.record(index))
+                            && let Some(record) = (self.keep)([coordinate16(x), y, z], index, self.lane.record(index))
                         {
-                            voxels.push(Voxel { x: narrow(x) - self.origin[0], record });
+                            voxels.push(Voxel { x: coordinate16(x) - self.origin[0], record });
                         }
                     }
                     if !voxels.is_empty() {
@@ -168,10 +169,6 @@ fn is_void(lane: &Lane, tiles: &[u32], sides: &[Range<u32>; 3]) -> bool {
             _ => return true,
         }
     }
-}
-
-fn narrow(coordinate: u32) -> u16 {
-    u16::try_from(coordinate).expect("inside a grid of at most 65,535 points an axis")
 }
 
 /// Returns a mask of the lines of `tile` whose u is in `us` and whose v is in `vs`.

@@ -24,6 +24,7 @@ use crate::classify::normal::Coherence;
 use crate::classify::{MagnitudeCodec, TransferFunction, normal};
 use crate::error::Result;
 use crate::volume::Grid;
+use crate::volume::grid::coordinate16;
 
 /// Largest number of levels that a file holds beside its own voxels, level 0.
 pub const MOST_LEVELS: u8 = 15;
@@ -305,8 +306,6 @@ impl Rows for CoarserRows<'_> {
         if region.is_empty() {
             return Ok(());
         }
-        let narrow =
-            |coordinate: u32| u16::try_from(coordinate).expect("inside a grid of at most 65,535 points an axis");
         let step = self.rows_at_once();
         let channels = self.rows.channels();
         let mut parts: Vec<Vec<Voxel>> = Vec::new();
@@ -360,7 +359,7 @@ impl Rows for CoarserRows<'_> {
                 let low = [0, y * self.factors[1], z * self.factors[2]];
                 self.merge(block, low, &depths, &mut voxels);
                 if !voxels.is_empty() {
-                    row(narrow(y), narrow(z), &voxels);
+                    row(coordinate16(y), coordinate16(z), &voxels);
                 }
             }
         }

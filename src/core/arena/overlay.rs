@@ -48,6 +48,7 @@ use super::visible::VisibleCodes;
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::volume::Axis;
+use crate::volume::grid::coordinate16;
 
 /// An arena with voxels added and removed; the arena itself stays unchanged.
 #[derive(Debug)]
@@ -187,7 +188,7 @@ impl<'a> Overlay<'a> {
             let [nx, ny, nz] = dims;
             return Err(Error::input(format!("voxel {at:?}"), format!("lies outside the {nx} x {ny} x {nz} grid")));
         }
-        Ok(at.map(|c| u16::try_from(c).expect("a grid has at most 65,535 points an axis")))
+        Ok(at.map(coordinate16))
     }
 
     /// Sets the record at a position, or removes it if `record` is `None`, and returns the previous record.

@@ -10,6 +10,7 @@ use super::lane::Lane;
 use super::layout::{TILE_EDGE, TileRecord};
 use super::owned_lane::OwnedLane;
 use super::pack::{LanePacker, Record};
+use crate::volume::grid::coordinate16;
 
 /// The edits, by position (z, y, x): the voxel's new record, or `None` if it is removed. All differ from the arena.
 pub(super) type Edits = BTreeMap<[u16; 3], Option<Record>>;
@@ -94,7 +95,7 @@ fn merge(lane: &Lane, stored: std::ops::Range<usize>, edits: &[LaneEdit], line: 
     let mut edits = edits.iter().peekable();
     let voxels = lane.line_voxels(stored).take_while(|&(at, _)| at < points);
     for (at, index) in voxels {
-        let at = u16::try_from(at).expect("inside a grid of at most 65,535 points an axis");
+        let at = coordinate16(at);
         while let Some(edit) = edits.next_if(|edit| edit.at < at) {
             line.extend(edit.record.map(|record| (edit.at, record)));
         }

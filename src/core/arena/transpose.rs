@@ -10,6 +10,7 @@ use super::layout::TILE_EDGE;
 use super::owned_lane::OwnedLane;
 use super::pack::{LanePacker, LineVoxel};
 use crate::volume::Axis;
+use crate::volume::grid::coordinate16;
 
 /// Returns the voxels of a lane along x as a lane along `axis`.
 ///
@@ -61,12 +62,11 @@ pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
         let first_o = tiles[0].0 * u32::from(TILE_EDGE);
         sort_by_line(&strip, &mut sorted, &mut starts, (u32::from(TILE_EDGE) * dim_x) as usize);
         for (line, range) in (0u32..).zip(starts.windows(2)) {
-            let coordinate = |c: u32| u16::try_from(c).expect("inside a grid of at most 65,535 points an axis");
             if range[0] < range[1] {
                 // A damaged lane may hold a voxel twice; a line holds it once.
                 let voxels =
                     sorted[range[0]..range[1]].chunk_by(|a, b| a.t == b.t).map(|same| (same[0].t, same[0].record));
-                packer.line(coordinate(line % dim_x), coordinate(first_o + line / dim_x), voxels);
+                packer.line(coordinate16(line % dim_x), coordinate16(first_o + line / dim_x), voxels);
             }
         }
     }

@@ -1,7 +1,7 @@
 //! The description in a file: a JSON object on how the file was made, for people and tools (specification, rule R22).
 
 use serde::Serialize;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::builder::Classified;
 use super::summary::SampleSummary;
@@ -10,15 +10,18 @@ use crate::error::Result;
 use crate::limits::Limits;
 use crate::volume::{Header, SampleType};
 
+/// The program and its version, as descriptions name them.
+const GENERATOR: &str = concat!("adjsplat ", env!("CARGO_PKG_VERSION"));
+
 /// Written as it stands: as a JSON value a long transfer function would take many times its bytes.
 #[derive(Serialize)]
 struct Description<'a> {
     generator: &'static str,
-    source: serde_json::Value,
+    source: Value,
     transfer_function: &'a TransferFunction,
-    counts: serde_json::Value,
+    counts: Value,
     #[serde(skip_serializing_if = "Option::is_none")]
-    values: Option<serde_json::Value>,
+    values: Option<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
     unit: Option<&'a str>,
 }
@@ -48,7 +51,7 @@ pub fn description(header: &Header, built: &Classified) -> Result<String> {
 pub(crate) fn describe(source: &Source, transfer: &TransferFunction, samples: &SampleSummary) -> Result<String> {
     let (lowest, highest) = (samples.lowest, samples.highest);
     let description = Description {
-        generator: concat!("adjsplat ", env!("CARGO_PKG_VERSION")),
+        generator: GENERATOR,
         source: json!({
             "name": source.name,
             "format": source.format,
@@ -63,4 +66,23 @@ pub(crate) fn describe(source: &Source, transfer: &TransferFunction, samples: &S
     let text = serde_json::to_string(&description).expect("numbers and strings are plain JSON");
     Limits::check_description(&text)?;
     Ok(text)
+}
+
+/// Returns a description as a JSON object; an empty one if it is none.
+pub fn description_object(text: &[u8]) -> Value {
+    serde_json::from_slice(text).ok().filter(Value::is_object).unwrap_or_else(|| json!({}))
+}
+
+/// Adds an entry to the list `name` of a description: what was changed in a file that had `voxels_before` visible voxels.
+///
+/// `description` is an object; the fields of `change` follow those that all entries have.
+pub fn add_change(description: &mut Value, name: &str, voxels_before: u64, change: Value) {
+    let mut entry = json!({ "generator": GENERATOR, "visible_voxels_before": voxels_before });
+    if let (Value::Object(entry), Value::Object(change)) = (&mut entry, change) {
+        entry.extend(change);
+    }
+    match description[name].as_array_mut() {
+        Some(entries) => entries.push(entry),
+        None => description[name] = json!([entry]),
+    }
 }

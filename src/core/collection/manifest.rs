@@ -5,8 +5,8 @@
 use std::path::{Component, Path};
 
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 use serde_json::value::RawValue;
-use serde_json::{Value, json};
 
 use super::levels::{Level, allowed, levels_of};
 use super::partition::check_count;
@@ -14,6 +14,7 @@ use super::{Partition, PreviewEntry};
 use crate::arena::check_description;
 use crate::arena::layout::{Channels, Facts, Scales};
 use crate::arena::{Region, TileOrder};
+use crate::build::description::description_object;
 use crate::error::{Error, Result};
 use crate::file::write_atomically;
 use crate::limits::{Limits, MAX_DESCRIPTION_BYTES};
@@ -278,14 +279,9 @@ pub(super) fn described(description: &str) -> Result<Box<RawValue>> {
         .map_err(|error| Error::input("description", format!("is no JSON ({error}); a manifest cannot hold it")))
 }
 
-/// Returns a description as a JSON object; an empty one if it is none.
-pub(super) fn description_object(text: &str) -> Value {
-    serde_json::from_str(text).ok().filter(Value::is_object).unwrap_or_else(|| json!({}))
-}
-
 /// Returns the description of a brick: that of the whole, and where in the whole the brick lies.
 pub(super) fn brick_description(whole: &str, region: &Region, dims: [u32; 3]) -> String {
-    let mut description = description_object(whole);
+    let mut description = description_object(whole.as_bytes());
     description["brick"] = json!({ "low": region.low(), "size": region.size(), "of": dims });
     description.to_string()
 }

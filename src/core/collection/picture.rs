@@ -19,6 +19,7 @@ use crate::splat::levels::level_parts;
 use crate::splat::setup::walk_order;
 use crate::splat::{Camera, Frame, Mode, Outline, Scene, Settings, Stats, View, cpu};
 use crate::traverse::VoxelBox;
+use crate::volume::grid::coordinate16;
 
 impl Collection {
     /// Returns the [`Camera`] of an orbit around the visible voxels of all bricks, as a picture of the joined file has it.
@@ -61,7 +62,7 @@ impl Collection {
         for brick in self.once() {
             let Some(file) = &brick.file else { continue };
             let lane = file.arena()?.x_lane();
-            lanes.push((corner(brick.entry.low), lane));
+            lanes.push((brick.entry.low.map(coordinate16), lane));
         }
         Ok(Outline::of_lanes(self.grid(), lanes, crop))
     }
@@ -213,10 +214,6 @@ impl Collection {
         }
         Ok((picture, all))
     }
-}
-
-fn corner(low: [u32; 3]) -> [u16; 3] {
-    low.map(|c| u16::try_from(c).expect("a grid has at most 65,535 points an axis"))
 }
 
 /// Returns the part of `crop` in a brick, counted from the brick's lowest point; `None` if there is none. No crop stays none.

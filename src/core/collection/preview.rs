@@ -15,11 +15,12 @@ use serde_json::json;
 use super::BrickEntry;
 use super::joined::JoinedRows;
 use super::levels::{Level, levels_of, rows_of};
-use super::manifest::{Manifest, description_object, fingerprint};
+use super::manifest::{Manifest, fingerprint};
 use super::split::BrickPlace;
 use crate::arena::layout::{Channels, Facts};
 use crate::arena::{Levels, Region, Rows, Voxel};
 use crate::build::Observer;
+use crate::build::description::description_object;
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::file::{AdjFile, RowsOutput, write_rows};
@@ -69,7 +70,7 @@ impl PreviewEntry {
         let arena = file.arena()?;
         let whole = description(manifest.description(), &manifest.grid, self.every, self.level);
         let function = |text: &str| {
-            let function = description_object(text)["transfer_function"].take();
+            let function = description_object(text.as_bytes())["transfer_function"].take();
             serde_json::from_value::<TransferFunction>(function).ok()
         };
         let of_preview = std::str::from_utf8(arena.description()).ok().and_then(function);
@@ -150,7 +151,7 @@ fn part_of(brick: &Region, every: u32) -> Region {
 
 /// Returns the description of a preview: that of the whole, whose lengths stay those of the whole's voxels.
 fn description(whole: &str, grid: &Grid, every: u32, level: Option<u8>) -> String {
-    let mut description = description_object(whole);
+    let mut description = description_object(whole.as_bytes());
     let stored = serde_json::from_value::<TransferFunction>(description["transfer_function"].clone());
     let length = grid.mean_spacing();
     let kept = stored.map_err(|_| ()).and_then(|function| {

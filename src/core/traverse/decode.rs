@@ -7,10 +7,10 @@ use std::ops::Range;
 
 use multiversion::multiversion;
 
-use super::gather::GatheredLine;
 use super::order::{AxisOrder, Sense};
 use super::sides::Sides;
 use super::simd::{CHUNK, LineChunk, prefix_sum, reversed, zero_steps};
+use super::slice_lines::SliceLine;
 use super::walk::Batch;
 use crate::arena::{Lane, VisibleCodes};
 
@@ -35,7 +35,7 @@ const MAPPED_RECORDS: u64 = 1 << 16;
 impl LineGroup {
     /// Shortens this group of the first of `lines`. The pager (which is told what is about to be read) is then told of
     /// at most 24 blocks at once, in channels of up to 8 bytes per record ([`crate::arena::pager::in_flight`]).
-    pub(super) fn stay_near(&mut self, lines: &[GatheredLine]) {
+    pub(super) fn stay_near(&mut self, lines: &[SliceLine]) {
         let (mut blocks, mut last, mut records) = (0, None, 0);
         for (index, line) in lines[..self.line_count].iter().enumerate() {
             let (first, end) =
@@ -52,7 +52,7 @@ impl LineGroup {
 
 /// Returns a group of the first of `lines` (at least one line), with at most `capacity` records.
 #[inline(always)]
-pub(super) fn group(lines: &[GatheredLine], capacity: usize) -> LineGroup {
+pub(super) fn group(lines: &[SliceLine], capacity: usize) -> LineGroup {
     let base = lines[0].first_record.saturating_sub(REACH);
     let mut records = 0;
     let mut line_count = 0;
@@ -68,7 +68,7 @@ pub(super) fn group(lines: &[GatheredLine], capacity: usize) -> LineGroup {
     LineGroup { line_count, records, base }
 }
 
-impl GatheredLine {
+impl SliceLine {
     /// Returns the indices of the records that decoding reads: the last sixteen steps may reach beyond the line.
     pub(super) fn records_read(&self) -> std::ops::Range<usize> {
         let start = usize::try_from(self.first_record).unwrap_or(usize::MAX);
@@ -140,7 +140,7 @@ impl<'a> Decoder<'a> {
     }
 
     #[inline(always)]
-    pub(super) fn decode(&mut self, lines: &[GatheredLine], base: u64, slow: u16) -> Batch<'_> {
+    pub(super) fn decode(&mut self, lines: &[SliceLine], base: u64, slow: u16) -> Batch<'_> {
         let steps = LaneSteps { own: self.lane.steps, lane: self.lane };
         let range = match self.fast {
             AxisOrder::Ascending => {
@@ -189,7 +189,7 @@ impl<'a> Decoder<'a> {
 #[inline(always)]
 fn decode_line<const DOWN: bool>(
     steps: LaneSteps,
-    line: &GatheredLine,
+    line: &SliceLine,
     base: u64,
     out: &mut BatchSlices,
     mut at: usize,
@@ -235,7 +235,7 @@ fn decode_line<const DOWN: bool>(
 #[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
 fn decode_sides<const DOWN: bool>(
     steps: LaneSteps,
-    lines: &[GatheredLine],
+    lines: &[SliceLine],
     base: u64,
     sides: Sides,
     ascending: &mut [AscendingLine],
@@ -286,7 +286,7 @@ impl AscendingLine {
 
     /// Decodes `line`. Records are written only if there are stepping voxels.
     #[inline(always)]
-    fn decode(&mut self, steps: LaneSteps, line: &GatheredLine, base: u64, sides: Sides) {
+    fn decode(&mut self, steps: LaneSteps, line: &SliceLine, base: u64, sides: Sides) {
         self.end = CHUNK + usize::from(line.count);
         self.has_stepping = !decode_coordinates(steps, line, &mut self.voxels.fast);
         if self.has_stepping {
@@ -302,7 +302,7 @@ impl AscendingLine {
     #[inline(always)]
     fn put_in_order<const DOWN: bool>(
         &self,
-        line: &GatheredLine,
+        line: &SliceLine,
         base: u64,
         sides: Sides,
         out: &mut BatchSlices,
@@ -345,7 +345,7 @@ impl<const DOWN: bool> ChunkWriter<'_, '_, DOWN> {
 /// Writes the coordinates of a line to `out`, ascending, after one chunk. Returns false, having written some of them,
 /// if there are stepping voxels.
 #[inline(always)]
-fn decode_coordinates(steps: LaneSteps, line: &GatheredLine, out: &mut [u16]) -> bool {
+fn decode_coordinates(steps: LaneSteps, line: &SliceLine, out: &mut [u16]) -> bool {
     let (from, _) = place(line, line.first_record);
     let count = usize::from(line.count);
     let mut previous = u16::MAX;
@@ -373,7 +373,7 @@ fn skip_stepping(records: &mut [u32], first: u32, line: &[u32]) {
 /// Returns the index of a line's first record, and its distance from `base`.
 #[inline(always)]
 #[allow(clippy::cast_possible_truncation, reason = "an index of a slice; and a group's lines lie near its base")]
-fn place(line: &GatheredLine, base: u64) -> (usize, u32) {
+fn place(line: &SliceLine, base: u64) -> (usize, u32) {
     (line.first_record as usize, line.first_record.wrapping_sub(base) as u32)
 }
 

@@ -6,8 +6,8 @@
 
 use std::ops::Range;
 
-use super::gather::{GatheredLine, LineGatherer};
 use super::order::{AxisOrder, Order};
+use super::slice_lines::{SliceLine, SliceLines};
 use super::tiles::TileRows;
 use super::walk::{Visitor, VoxelBox};
 use crate::arena::layout::TileRecord;
@@ -47,7 +47,7 @@ impl<'a> OrderedSlices<'a> {
         part: Range<usize>,
         visitor: &mut V,
         tile_of: impl Fn(u32, &TileRecord) -> T + Copy,
-        visit: impl FnMut(&mut V, u16, &[GatheredLine<T>]),
+        visit: impl FnMut(&mut V, u16, &[SliceLine<T>]),
     ) {
         let lane = &self.lane;
         match lane.line_ends {
@@ -68,23 +68,23 @@ impl<'a> OrderedSlices<'a> {
         line_end: impl Fn(usize) -> Option<u32> + Copy,
         visitor: &mut V,
         tile_of: impl Fn(u32, &TileRecord) -> T + Copy,
-        mut visit: impl FnMut(&mut V, u16, &[GatheredLine<T>]),
+        mut visit: impl FnMut(&mut V, u16, &[SliceLine<T>]),
     ) {
-        let mut gather = LineGatherer::new(&self.lane, &self.order);
+        let mut slice_lines = SliceLines::new(&self.lane, &self.order);
         let (mut mediums, mut two_sided) = (Vec::new(), Vec::new());
         for &slow in &self.slices[part] {
-            let gathered = gather.lines_of(&self.rows, slow, line_end, tile_of, visitor);
+            let found = slice_lines.lines_of(&self.rows, slow, line_end, tile_of, visitor);
             let lines = match self.order.along[self.order.medium.index()] {
-                AxisOrder::Ascending => &*gathered,
+                AxisOrder::Ascending => &*found,
                 AxisOrder::Descending => {
-                    gathered.reverse();
-                    &*gathered
+                    found.reverse();
+                    &*found
                 }
                 sides @ AxisOrder::TwoSided { .. } => {
                     mediums.clear();
-                    mediums.extend(gathered.iter().map(|line| line.medium));
+                    mediums.extend(found.iter().map(|line| line.medium));
                     two_sided.clear();
-                    sides.for_each_index(&mediums, |index| two_sided.push(gathered[index]));
+                    sides.for_each_index(&mediums, |index| two_sided.push(found[index]));
                     &*two_sided
                 }
             };

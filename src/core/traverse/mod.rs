@@ -4,11 +4,11 @@
 //! in visiting order.
 
 mod decode;
-mod gather;
 mod lines;
 mod order;
 mod sides;
 mod simd;
+mod slice_lines;
 mod tiles;
 mod walk;
 
@@ -17,4 +17,4 @@ pub(crate) use tiles::tile_bounds;
 pub use order::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 pub use walk::{Batch, Visitor, VoxelBox, walk};
 #[cfg(feature = "gpu")]
-pub(crate) use {gather::GatheredLine, lines::OrderedSlices};
+pub(crate) use {lines::OrderedSlices, slice_lines::SliceLine};

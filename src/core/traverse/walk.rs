@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! for each slice that is not empty, in the slow order
-//!     gather its lines, tile by tile, from the occupancy masks (ascending)     gather.rs
+//!     find its lines, tile by tile, from the occupancy masks (ascending)       slice_lines.rs
 //!     put them in the medium order                                             lines.rs
 //!     in groups that fill a batch
 //!         for each line, decode its steps to coordinates, in the fast order    decode.rs
@@ -20,7 +20,7 @@
 //! 4. Where the fast axis has voxels on both sides of the eye, each line is decoded ascending first. Then sixteen
 //!    voxels at a time are merged from its two ends without a branch that depends on them (sides.rs). Processors with
 //!    AVX2 run a version of their own of this part.
-//! 5. If the medium axis has one direction, the gathered lines are used as they are or reversed in place. Only a
+//! 5. If the medium axis has one direction, the lines found are used as they are or reversed in place. Only a
 //!    two-sided order needs another list.
 //!
 //! An [overlay](crate::arena::Overlay) costs only the lines that it changes. Their ends and records follow the lane's

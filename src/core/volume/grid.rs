@@ -193,6 +193,11 @@ impl Grid {
     }
 }
 
+/// Returns a coordinate inside a grid in 16 bits.
+pub(crate) fn coordinate16(coordinate: u32) -> u16 {
+    u16::try_from(coordinate).expect("a grid has at most 65,535 points an axis")
+}
+
 fn check_limit(axis: Axis, points: u64) -> Result<()> {
     if points > u64::from(MAX_DIM) {
         let what = format!("dimension {}", axis.name());

@@ -3,7 +3,7 @@
 //! A [`SlabSource`] yields z-slices of native-endian samples (x fastest, then y), one at a time. A reader therefore
 //! needs memory for a few slices, whatever the volume's size.
 
-mod grid;
+pub(crate) mod grid;
 pub(crate) mod memory;
 mod part;
 pub mod phantom;

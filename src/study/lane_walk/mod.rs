@@ -10,7 +10,7 @@
 //!
 //! ```text
 //! tiles of the lane -> two counting sorts by column and row        sort       (traverse/tiles.rs)
-//! slice: its tiles -> its lines, from their ends                   walk       (traverse/gather.rs)
+//! slice: its tiles -> its lines, from their ends                   walk       (traverse/slice_lines.rs)
 //! group of lines: sixteen steps at a time -> batch                 decode     (traverse/decode.rs)
 //! batch, 128 voxels at a time: coordinates; values; normals        walk       (splat/cpu/project.rs)
 //! where each byte lies                                             store: our lanes; crate::layouts: others

@@ -107,7 +107,8 @@ pub(super) fn draw(
     let mut stats = BandStats::default();
     for stack in stacks {
         setup.clip.crop = *stack;
-        let task = DrawTask::new::<FaintFrontToBack>(setup, table, settings);
+        let projector = Projector::new(setup, table, 0.0);
+        let task = DrawTask { projector, setup, settings, front: None, visible: None };
         let bands = match settings.sense {
             Sense::FrontToBack => scatter::draw::<FaintFrontToBack>(&task)?,
             Sense::BackToFront => scatter::draw::<FaintBackToFront>(&task)?,

@@ -172,14 +172,14 @@ fn draw_scene(
         let stacks = faint::stacks(scene, &setup, &table, settings, faint::strongest(&setup, &table));
         match stacks {
             Some(stacks) => faint::draw(&mut setup, &table, settings, &stacks),
-            None => draw_in_mode(&setup, &table, settings, front),
+            None => draw_in_mode(&DrawTask::new(&setup, &table, settings, front)),
         }
     };
     let (frame, work) = match sample_grid {
         None => draw(setup, front)?,
         Some(SampleGrid::Lattice(lattice)) => {
             let draw = if settings.mode == Mode::Additive { warped::<Additive> } else { warped::<FrontToBack> };
-            draw(&setup, &table, settings, front, &lattice)?
+            draw(&DrawTask::new(&setup, &table, settings, front), &lattice)?
         }
         Some(SampleGrid::Supersampling(supersampling)) => {
             let (mut picture, mut work) = (Frame::transparent(settings.size)?, BandStats::default());
@@ -264,51 +264,33 @@ fn samples_shown(view: &View, bounds: &VoxelBox, supersampling: Option<&Supersam
 }
 
 /// Draws all voxels on a lattice, in the blend mode `B`, and warps it to the picture.
-fn warped<B: Blend>(
-    setup: &FrameSetup,
-    table: &Table,
-    settings: &Settings,
-    front: Option<&Front>,
-    lattice: &Lattice,
-) -> Result<(Frame, BandStats)> {
+fn warped<B: Blend>(task: &DrawTask, lattice: &Lattice) -> Result<(Frame, BandStats)> {
+    let DrawTask { projector, settings, .. } = task;
     let instructions = dispatch::instruction_set(settings.code);
-    let task = DrawTask { front, ..DrawTask::new::<B>(setup, table, settings) };
-    let (plane, work) = gather::draw::<B>(&task, lattice)?;
+    let (plane, work) = gather::draw::<B>(task, lattice)?;
     settings.check_stop()?;
     if settings.mode == Mode::Composite {
         return Ok((warp::warp(lattice, plane, 1.0, instructions, settings.threads)?, work));
     }
     // What a pixel shows of its ray's sum is not in proportion to it: the sums are warped.
     let mut picture = warp::warp(lattice, plane, f32::MAX, instructions, settings.threads)?;
-    picture.fill_rows(settings.threads, |_, row| row.iter_mut().for_each(|pixel| *pixel = table.finish(*pixel)));
+    picture
+        .fill_rows(settings.threads, |_, row| row.iter_mut().for_each(|pixel| *pixel = projector.table.finish(*pixel)));
     Ok((picture, work))
 }
 
-/// Draws all voxels in the blend mode of `settings`.
-fn draw_in_mode(
-    setup: &FrameSetup,
-    table: &Table,
-    settings: &Settings,
-    front: Option<&Front>,
-) -> Result<(Frame, BandStats)> {
+/// Draws all voxels in the blend mode of the settings.
+fn draw_in_mode(task: &DrawTask) -> Result<(Frame, BandStats)> {
+    let DrawTask { projector, setup, settings, .. } = task;
     let draw = match (settings.mode, settings.sense) {
-        (Mode::Composite, Sense::FrontToBack) if settings.blending == Blending::Linear => blended::<LinearFrontToBack>,
-        (Mode::Composite, Sense::FrontToBack) => blended::<FrontToBack>,
-        (Mode::Composite, Sense::BackToFront) => blended::<BackToFront>,
-        (Mode::Additive | Mode::Maximum | Mode::MaximumGrey, _) => blended::<Additive>,
+        (Mode::Composite, Sense::FrontToBack) if settings.blending == Blending::Linear => {
+            scatter::draw::<LinearFrontToBack>
+        }
+        (Mode::Composite, Sense::FrontToBack) => scatter::draw::<FrontToBack>,
+        (Mode::Composite, Sense::BackToFront) => scatter::draw::<BackToFront>,
+        (Mode::Additive | Mode::Maximum | Mode::MaximumGrey, _) => scatter::draw::<Additive>,
     };
-    draw(setup, table, settings, front)
-}
-
-/// Draws all voxels in the blend mode `B`.
-fn blended<B: Blend>(
-    setup: &FrameSetup,
-    table: &Table,
-    settings: &Settings,
-    front: Option<&Front>,
-) -> Result<(Frame, BandStats)> {
-    let bands = scatter::draw::<B>(&DrawTask { front, ..DrawTask::new::<B>(setup, table, settings) })?;
-    assemble(&bands, setup.view.size, settings.threads, table)
+    assemble(&draw(task)?, setup.view.size, settings.threads, projector.table)
 }
 
 /// Marks the records that a view shows. A record is shown if, at any pixel of its footprint, the transmittance in front
@@ -331,7 +313,7 @@ pub fn mark_visible(scene: &Scene, camera: &Camera, settings: &Settings, visible
     };
     let setup = FrameSetup::new(scene, camera, &settings)?;
     let table = Table::new(scene, &setup.lane, &settings, setup.view.mean_voxel)?;
-    let task = DrawTask { visible: Some(visible), ..DrawTask::new::<FrontToBack>(&setup, &table, &settings) };
+    let task = DrawTask { visible: Some(visible), ..DrawTask::new(&setup, &table, &settings, None) };
     let full = full_rect(settings.size);
     let strip = (STRIP_PIXELS / full.x1.max(1)).max(1);
     for y0 in (0..full.y1).step_by(strip.unsigned_abs() as usize) {

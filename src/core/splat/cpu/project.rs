@@ -68,25 +68,21 @@ impl<'a> Projector<'a> {
     pub fn new(setup: &FrameSetup<'a>, table: &'a Table<'a>, stop: f32) -> Projector<'a> {
         let FrameSetup { view, order, lane, lights, kernel, widths, low_pass, clip, .. } = setup;
         let (sigma, cut_off, normalisation) = (kernel.sigma, kernel.cut_off(), kernel.normalisation());
-        let (ellipse, strength) = match &view.map {
+        let footprint_of = |rows| footprint(rows, sigma, cut_off, *low_pass);
+        let (ellipse, strength, shapes) = match &view.map {
             PixelMap::Parallel { pixel_from_voxel, scale } => {
-                let footprint = footprint(pixel_from_voxel.each_ref().map(single), sigma, cut_off, *low_pass);
-                (footprint.ellipse, normalisation * footprint.density * (scale * scale) as f32)
-            }
-            PixelMap::Perspective { focal, .. } => (Ellipse::default(), normalisation * (focal * focal) as f32),
-        };
-        let shapes = match &view.map {
-            PixelMap::Parallel { pixel_from_voxel, scale } if lane.channels.coverage_bits > 0 => {
                 let rows = pixel_from_voxel.each_ref().map(single);
-                let per_density = normalisation * (scale * scale) as f32;
+                let square = (scale * scale) as f32;
                 let of_shape = |shape| {
-                    let rows = widened(rows, widths.of(shape));
-                    let Footprint { ellipse, density, .. } = footprint(rows, sigma, cut_off, *low_pass);
-                    (ellipse, per_density * density)
+                    let Footprint { ellipse, density, .. } = footprint_of(widened(rows, widths.of(shape)));
+                    (ellipse, normalisation * square * density)
                 };
-                Some(Box::new(std::array::from_fn(of_shape)))
+                let has_shapes = lane.channels.coverage_bits > 0;
+                let Footprint { ellipse, density, .. } = footprint_of(rows);
+                let shapes = has_shapes.then(|| Box::new(std::array::from_fn(of_shape)));
+                (ellipse, normalisation * density * square, shapes)
             }
-            _ => None,
+            PixelMap::Perspective { focal, .. } => (Ellipse::default(), normalisation * (focal * focal) as f32, None),
         };
         Projector {
             lane: *lane,
@@ -283,7 +279,7 @@ impl<'a> Projector<'a> {
     pub fn place_near<C: Coordinates>(&self, count: usize, positions: &C, out: &mut Splats) {
         let Splats { places, near, .. } = out;
         near.clear();
-        let (Some(view), PixelMap::Perspective { camera_from_voxel: [_, _, forward], near: far, .. }) =
+        let (Some(rays), PixelMap::Perspective { camera_from_voxel: [_, _, forward], near: far, .. }) =
             (&self.rays, &self.map)
         else {
             return;
@@ -302,7 +298,7 @@ impl<'a> Projector<'a> {
             if is_far {
                 continue;
             }
-            if let Some(kernel) = view.kernel(self.unnested(position), depth) {
+            if let Some(kernel) = rays.kernel(self.unnested(position), depth) {
                 for (extents, [low, high]) in [(&mut places.x, kernel.columns), (&mut places.y, kernel.rows)] {
                     (extents.nearest[j], extents.low[j], extents.high[j]) = (low, low, high);
                 }

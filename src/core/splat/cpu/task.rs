@@ -5,17 +5,16 @@
 
 use std::time::{Duration, Instant};
 
-use super::blend::Blend;
 use super::front::Front;
 use super::project::Projector;
 use super::scatter::visible::VisibleRecords;
 use super::tile_buffer::{Rect, TileBuffer};
 use crate::error::Result;
-use crate::splat::composite::Table;
+use crate::splat::composite::{Mode, Table};
 use crate::splat::setup::FrameSetup;
 use crate::splat::view::View;
 use crate::splat::{Frame, Settings, StopRequest};
-use crate::traverse::{Batch, Visitor, VoxelBox, walk};
+use crate::traverse::{Batch, Sense, Visitor, VoxelBox, walk};
 
 /// Holds what the threads that draw a frame share.
 pub(super) struct DrawTask<'a> {
@@ -70,10 +69,16 @@ impl BandStats {
 }
 
 impl<'a> DrawTask<'a> {
-    /// Returns the task of drawing all voxels in the blend mode `B`.
-    pub(super) fn new<B: Blend>(setup: &'a FrameSetup, table: &'a Table, settings: &'a Settings) -> DrawTask<'a> {
-        let projector = Projector::new(setup, table, if B::STOPS { settings.termination() } else { 0.0 });
-        DrawTask { projector, setup, settings, front: None, visible: None }
+    /// Returns the task of drawing all voxels behind `front`. Rays end early if they are composited front to back.
+    pub(super) fn new(
+        setup: &'a FrameSetup,
+        table: &'a Table,
+        settings: &'a Settings,
+        front: Option<&'a Front>,
+    ) -> DrawTask<'a> {
+        let stops = settings.mode == Mode::Composite && settings.sense == Sense::FrontToBack;
+        let projector = Projector::new(setup, table, if stops { settings.termination() } else { 0.0 });
+        DrawTask { projector, setup, settings, front, visible: None }
     }
 
     /// Walks the lane and passes those of its voxels that the transfer function shows to `painter`, which draws and counts them;

@@ -11,7 +11,7 @@ use crate::arena::layout::{TILE_EDGE, line_end_bytes};
 use crate::arena::{Lane, TileRecord};
 use crate::error::{Error, Result};
 use crate::parallel::in_parts;
-use crate::traverse::{AxisOrder, Batch, GatheredLine, Order, OrderedSlices, VoxelBox};
+use crate::traverse::{AxisOrder, Batch, Order, OrderedSlices, SliceLine, VoxelBox};
 
 const LINES_OF_THREAD: usize = 1 << 14; // Fewest lines that are worth another thread: some tenths of a millisecond.
 const BLOCK_RECORDS: u32 = 1 << 14; // Most records in a block, unless the block has only one line.
@@ -147,7 +147,7 @@ impl LineList {
 fn no_voxels(_: &Batch) {}
 
 /// A line of a slice, and its tile.
-type OrderedLine = GatheredLine<ListedTile>;
+type OrderedLine = SliceLine<ListedTile>;
 
 /// The tile of a line.
 #[derive(Debug, Clone, Copy, Default)]

@@ -324,12 +324,12 @@ impl<'a, B: Blend> Band<'a, B> {
             dispatch::take_all(self.code, projector, self);
             self.begin_slice(projector);
         }
-        let first = self.slab.count() + self.voxels.count;
+        let first = self.slab.count + self.voxels.count;
         match OneWay::of(&batch.fast[range.clone()]) {
             Some(line) => self.add_one_way(projector, batch, range.start, line, [low, high]),
             None => self.add_scattered(projector, batch, range.clone(), [low, high]),
         }
-        let end = self.slab.count() + self.voxels.count;
+        let end = self.slab.count + self.voxels.count;
         if first < end {
             self.slab.add_line(batch.medium[range.start], [first, end], rows);
         }

@@ -67,7 +67,8 @@ pub(super) struct Slab {
     of_row: Vec<Vec<u32>>,
     /// Number of splats at which the slab is full.
     enough: usize,
-    count: usize,
+    /// Number of splats.
+    pub(super) count: usize,
     runs: Vec<Run>,
     /// Where voxels lie on points of the grid: the coordinate on the fast axis.
     pub(super) fasts: Box<[u16]>,
@@ -121,12 +122,6 @@ impl Slab {
     #[inline(always)]
     pub(super) fn has_room(&self, voxels: usize) -> bool {
         self.count + voxels + BLOCK <= self.looks.len()
-    }
-
-    /// Returns the number of splats.
-    #[inline(always)]
-    pub(super) fn count(&self) -> usize {
-        self.count
     }
 
     /// Adds a line of the last slice, of these splats; it reaches the rows of tiles from `low` to `high`.

@@ -292,8 +292,8 @@ impl Lattice {
 
     /// Returns the largest peak that a splat of optical depth 1 of any shape has in a parallel view; `None` in perspective.
     pub(super) fn strongest(&self) -> Option<f32> {
-        let strongest = || self.kernels([0; 2]).iter().fold(0.0, |most: f32, kernel| most.max(kernel.strength));
-        self.strength().map(|_| strongest())
+        self.strength()?;
+        Some(self.kernels([0; 2]).iter().fold(0.0, |most: f32, kernel| most.max(kernel.strength)))
     }
 
     /// Returns after how many tiles a slice's voxels lie alike beside them, along the fast and the medium axis, in a parallel view of
@@ -351,8 +351,8 @@ impl Lattice {
     pub(super) fn shown(&self, front: Option<&Front>) -> Vec<bool> {
         /// How far beyond the picture's edge tiles are drawn, in tiles: those farther away weigh below 0.268^8 in the
         /// interpolation.
-        const NEAR: usize = 2;
-        let around = self.low_pass.halvings.map(|halvings| NEAR << halvings);
+        const BEYOND: usize = 2;
+        let around = self.low_pass.halvings.map(|halvings| BEYOND << halvings);
         let [columns, rows] = self.size.map(|side| side as usize >> TILE_SHIFT);
         let to_picture = DMat3::from_cols_array_2d(&self.plane_from_pixel).transpose().inverse();
         let (first, ends) =

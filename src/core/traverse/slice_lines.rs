@@ -1,7 +1,7 @@
-//! Gathering: finds the lines of one slice from the occupancy masks of its tiles.
+//! Finds the lines of one slice from the occupancy masks of its tiles.
 //!
 //! In: the tiles of a slice by ascending coordinate on the medium axis (that of the walk's middle loop). Out:
-//! [`GatheredLine`]s, ascending. Each line is checked here once to lie inside the channels (the arrays of records);
+//! [`SliceLine`]s, ascending. Each line is checked here once to lie inside the channels (the arrays of records);
 //! later stages rely on it.
 
 use super::order::Order;
@@ -13,7 +13,7 @@ use crate::arena::pager::tell;
 
 /// A scan line of a slice, and what its user wants to know about its tile.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct GatheredLine<T = ()> {
+pub(crate) struct SliceLine<T = ()> {
     /// Index of the line's first record; all records of the line are inside the channels.
     pub(crate) first_record: u64,
     /// Number of the line's records: 1 to the length of the fast axis.
@@ -24,17 +24,17 @@ pub(crate) struct GatheredLine<T = ()> {
 }
 
 /// Finds the scan lines of slices, one slice after another.
-pub(super) struct LineGatherer<'a, T> {
+pub(super) struct SliceLines<'a, T> {
     lane: Lane<'a>,
     order: Order,
     /// The lines of the current slice; the memory is reused.
-    lines: Vec<GatheredLine<T>>,
+    lines: Vec<SliceLine<T>>,
 }
 
-impl<'a, T: Copy + Default> LineGatherer<'a, T> {
-    /// Creates a gatherer of the lines of `lane` in slices across the slow axis of `order`.
-    pub(super) fn new(lane: &Lane<'a>, order: &Order) -> LineGatherer<'a, T> {
-        LineGatherer { lane: *lane, order: *order, lines: Vec::new() }
+impl<'a, T: Copy + Default> SliceLines<'a, T> {
+    /// Prepares to find the lines of `lane` in slices across the slow axis of `order`.
+    pub(super) fn new(lane: &Lane<'a>, order: &Order) -> SliceLines<'a, T> {
+        SliceLines { lane: *lane, order: *order, lines: Vec::new() }
     }
 
     /// Returns the lines of slice `slow` by ascending medium coordinate; `tile_of` is told a tile's index and the tile.
@@ -46,11 +46,11 @@ impl<'a, T: Copy + Default> LineGatherer<'a, T> {
         line_end: impl Fn(usize) -> Option<u32>,
         tile_of: impl Fn(u32, &TileRecord) -> T,
         visitor: &mut V,
-    ) -> &mut [GatheredLine<T>] {
+    ) -> &mut [SliceLine<T>] {
         let tiles = rows.row(usize::from(slow / TILE_EDGE));
         let room = tiles.len() * usize::from(TILE_EDGE);
         if self.lines.len() < room {
-            self.lines.resize(room, GatheredLine::default());
+            self.lines.resize(room, SliceLine::default());
         }
         // Copied out of `self`, so that they stay in registers while `lines` is written.
         let (slow_is_v, order, lane) = (rows.slow_is_v, self.order, self.lane);
@@ -84,7 +84,7 @@ impl<'a, T: Copy + Default> LineGatherer<'a, T> {
                 let (start, end) = (u64::from(start), u64::from(end));
                 let line_records = end.wrapping_sub(start);
                 #[allow(clippy::cast_possible_truncation, reason = "only kept if it is at most 65,535")]
-                let line = GatheredLine {
+                let line = SliceLine {
                     first_record: first_record + start,
                     count: line_records as u16,
                     medium: first_medium.wrapping_add(bit),
