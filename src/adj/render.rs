@@ -61,7 +61,8 @@ pub(super) struct Arguments {
     /// Write counts, times and the picture's checksum to this file, as JSON, after the picture
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
-    /// Most memory to take, from 64MiB: 500MB, 2GiB; no limit by default. The picture is the same
+    /// Most memory to take, from 64MiB: 500MB, 2GiB; no limit by default. The picture is the same. Pages of a collection's bricks,
+    /// which are mapped, are not counted: the system can take them back
     #[arg(long, value_name = "SIZE", value_parser = memory)]
     memory: Option<u64>,
     /// With --memory or --vram, draw the finest level of detail of an .adj file that fits, if the picture does not

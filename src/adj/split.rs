@@ -18,6 +18,7 @@ use adjsplat::error::{Error, Result};
 ///
 /// Bricks keep the coarser levels of detail whose blocks no border divides: with borders at multiples of 8 points, three of them or
 /// more. Others are left out. If none is, adj join makes the same file again, byte for byte. The volume is not needed.
+/// The file is mapped: its pages are not counted as memory, because the system can take them back.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj split head.adj -o head.adjs --slab 64\n  adj split head.adj -o head.adjs --brick 128x128x128"
