@@ -73,14 +73,15 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
     require(bounds.is_ordered(), "bounds", "have a low end above their high end")?;
     let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
     let order = walk_order(&view, grid, settings)?;
+    if let Some(sample_grid) = SampleGrid::of_few_voxels(&view, bounds, settings) {
+        return Ok(canvas_of(sample_grid));
+    }
     // The depths are not known. The deeper voxels are, the finer is their lattice, until it is no longer worthwhile.
     let depths = (0..=DEPTHS).map(|index| MAX_DEPTH * (f64::from(index) / f64::from(DEPTHS)).powi(3));
     let supersampling = Supersampling::new(&view, bounds, settings);
     let canvases = depths.map(|deepest| canvas_of_depth(&view, &order, bounds, deepest, supersampling, settings));
-    // Nor is it known whether there are few voxels.
-    let of_few = SampleGrid::of_few_voxels(&view, bounds, 0.0, settings).map(canvas_of);
     let need = |canvas: &Canvas| memory_need(grid.dims, 0, *canvas, view.is_perspective(), settings);
-    Ok(canvases.chain(of_few).max_by_key(need).unwrap_or(Canvas::Picture))
+    Ok(canvases.max_by_key(need).unwrap_or(Canvas::Picture))
 }
 
 /// Returns where a view of voxels is drawn whose largest optical depth is `deepest`.

@@ -144,9 +144,9 @@ fn draw_scene(
     let bounds = if settings.keeps_pixels() { None } else { setup.lane.bounds() };
     let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
     let sample_grid = bounds.and_then(|bounds| {
-        let voxels = scene.facts.visible_voxels as f64;
-        SampleGrid::of_few_voxels(&setup.view, &bounds, voxels, settings).unwrap_or_else(|| {
+        SampleGrid::of_few_voxels(&setup.view, &bounds, settings).unwrap_or_else(|| {
             let supersampling = Supersampling::new(&setup.view, &bounds, settings);
+            let voxels = scene.facts.visible_voxels as f64;
             SampleGrid::choose(&setup.view, &setup.order, &bounds, [deepest, voxels], supersampling, settings)
         })
     });
@@ -202,9 +202,9 @@ fn draw_scene(
     Ok((frame, work))
 }
 
-/// The most voxels of a scene that is drawn without a lattice, on at most so many samples. Most of its pixels show outlines, which a
-/// lattice draws least exactly, and it takes no longer. Measured: docs/studies/sampling.md.
-const FEW_VOXELS: f64 = 4096.0;
+/// The most points in the box of the voxels of a scene that is drawn without a lattice, on at most so many samples. Most of its pixels
+/// show outlines, which a lattice draws least exactly, and it takes no longer. Measured: docs/studies/sampling.md.
+const FEW_POINTS: u64 = 4096;
 const FEW_SAMPLES: f64 = 65_536.0;
 /// The width of footprints in pixels, as a standard deviation, from which on a lattice is faster even then.
 const WIDE_FOOTPRINT: f32 = 1.0;
@@ -217,9 +217,10 @@ enum SampleGrid {
 
 impl SampleGrid {
     /// Returns how a scene of few voxels is sampled, in drafts as at other qualities: `Some(None)` is one sample for each pixel. `None` if
-    /// there are too many voxels or samples, and in other modes than composites.
-    fn of_few_voxels(view: &View, bounds: &VoxelBox, voxels: f64, settings: &Settings) -> Option<Option<SampleGrid>> {
-        let is_small = voxels <= FEW_VOXELS
+    /// their box has too many points or samples, and in other modes than composites.
+    fn of_few_voxels(view: &View, bounds: &VoxelBox, settings: &Settings) -> Option<Option<SampleGrid>> {
+        let points: u64 = [0, 1, 2].map(|a: usize| u64::from(bounds.high[a] - bounds.low[a]) + 1).iter().product();
+        let is_small = points <= FEW_POINTS
             && settings.mode == Mode::Composite
             && !settings.keeps_pixels()
             && sigma_at_centre(view, bounds, settings) < WIDE_FOOTPRINT;
