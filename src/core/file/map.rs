@@ -15,7 +15,7 @@ use std::sync::{Mutex, PoisonError};
 use memmap2::Mmap;
 
 use super::resident::ResidentPages;
-use crate::arena::pager::{MOST_BLOCK_BYTES, Pager, block_bytes};
+use crate::arena::pager::{Pager, block_bytes};
 use crate::arena::{Arena, Checked};
 use crate::error::{Error, Result};
 use crate::limits::Limits;
@@ -172,7 +172,9 @@ impl FileMap {
     /// areas. Here every other block is left out of core dumps, which hold no pages of files anyway.
     #[cfg(target_os = "linux")]
     fn divide(&self, block_bytes: u64) -> std::io::Result<()> {
+        use crate::arena::pager::MOST_BLOCK_BYTES;
         use memmap2::Advice;
+
         // A system without huge pages refuses; then nothing needs to be done.
         let _ = self.map.advise(Advice::NoHugePage);
         if block_bytes == MOST_BLOCK_BYTES {
