@@ -179,7 +179,7 @@ fn the_order_pops_where_it_switches_and_the_error_falls_in_three() {
         // A grid of equal sides seen from ten degrees above changes its slow axis at 45 degrees.
         assert_eq!(row["across"] == true, (number("azimuth") - 45.0).abs() < 1e-3, "{row}");
     }
-    folder.adj("study accuracy phantom:shells --model --quick --edge 16 --quiet --json m.json --plot m.svg").done();
+    folder.adj("study accuracy phantom:noise --model --quick --edge 24 --quiet --json m.json --plot m.svg").done();
     let parts = rows(&folder, "m.json");
     let decibels = |part: &str, quality: &str| {
         let row = parts.iter().find(|row| row["part"] == part && row["quality"] == quality);
