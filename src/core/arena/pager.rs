@@ -10,8 +10,8 @@ use std::fmt::Debug;
 const LEAST_BLOCK_BYTES: u64 = 1 << 16;
 /// Most bytes that a system maps at once: the largest page that it keeps of a file.
 pub(crate) const MOST_BLOCK_BYTES: u64 = 2 << 20;
-/// Largest number of blocks of a file, up to files of 32 GiB. Linux has an area of addresses for each: by default at most
-/// 65,530 in a process, of about 200 bytes each.
+/// Largest number of blocks of a file, up to files of 32 GiB. Linux keeps an area of addresses for each. It takes about 200
+/// bytes for an area, and by default allows a process 65,530.
 const MOST_BLOCKS: u64 = 1 << 14;
 /// Largest number of blocks, over all channels, that one reader announces before it reads them: one group of lines of a walk
 /// (tests/memory/lowmem.rs).

@@ -46,8 +46,7 @@ impl Made for AdjFile {
     }
 
     fn rest(&self) -> Result<()> {
-        // Where the system cannot release pages, it may take them back by itself.
-        if cfg!(unix) { self.release() } else { Ok(()) }
+        AdjFile::rest(self)
     }
 }
 

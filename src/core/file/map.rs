@@ -95,17 +95,18 @@ impl AdjFile {
     pub fn keep_resident_below(mut self, bytes: u64) -> Result<AdjFile> {
         let block_bytes = block_bytes(self.map.map.len() as u64);
         self.map.divide(block_bytes).map_err(Error::io("divide the map of", &self.path))?;
-        self.release()?;
+        self.map.release().map_err(Error::io("release the pages of", &self.path))?;
         self.map.resident = Some(ResidentPages::new(&self.map.map, block_bytes, bytes));
         Ok(self)
     }
 
-    /// Returns all resident pages to the system. The same bytes can be read again.
+    /// Returns all resident pages to the system, if they are limited. The same bytes can be read again.
     ///
     /// # Errors
     /// [`Error::Io`] if the system cannot release pages.
-    pub(super) fn release(&self) -> Result<()> {
-        self.map.resident.iter().for_each(ResidentPages::clear);
+    pub(super) fn rest(&self) -> Result<()> {
+        let Some(resident) = &self.map.resident else { return Ok(()) };
+        resident.clear();
         self.map.release().map_err(Error::io("release the pages of", &self.path))
     }
 
